@@ -1,4 +1,8 @@
-"""The result of a run: typed, saved whole or not at all, and loaded again."""
+"""Result of a run: typed, saved whole or not at all, and loaded again.
+
+The summary and the tables of a run come in, from the runner or from its folder. Pages, recordings and comparisons read
+the ``Result``. Read ``result.py`` first.
+"""
 
 from trackbench.results.folder import (
     EXAMINATION,

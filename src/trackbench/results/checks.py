@@ -1,4 +1,4 @@
-"""Whether what is stated of a result holds: the digest of a file, a table, and the values of what was made again."""
+"""Checks of a stored result: digests of files, and values and tables against those of a repeated run."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from trackbench.results.folder import sha256
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: Values that differ by less, relative to the larger, differ by rounding.
+#: Relative difference of two values that is attributed to rounding.
 ROUNDING = 1e-9
 
 
 def why_other_content(file: Path, digest: str) -> str | None:
-    """Say why a file is not the one with a sha256; None where it is."""
+    """Say why a file does not have this sha256; None if it has."""
     try:
         require_regular(file)
         return None if sha256(file) == digest else "has another sha256 than is stated of it"
@@ -31,13 +31,13 @@ def stored_table(file: Path, digest: str | None, stated_in: str) -> pa.Table:
     """Return the table in a Parquet file.
 
     Args:
-        file: the file.
-        digest: its sha256; None where nothing states it.
-        stated_in: the file that states it.
+        file: the Parquet file.
+        digest: expected sha256; None if unknown.
+        stated_in: name of the file that states the sha256.
 
     Raises:
-        FileNotFoundError: it is not there.
-        InputError: it has another sha256, or cannot be read.
+        FileNotFoundError: there is no such file.
+        InputError: the file has another sha256, or cannot be read.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -53,44 +53,44 @@ def stored_table(file: Path, digest: str | None, stated_in: str) -> pa.Table:
         raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error
 
 
-def differing(stated: Any, found: Any, tolerance: float = 0.0, at: str = "") -> Iterator[tuple[str, Any, Any]]:
+def differing(stated: Any, actual: Any, tolerance: float = 0.0, at: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Yield the key of each value that differs between two trees of JSON values, with both values.
 
     Args:
-        stated: one of them.
-        found: the other.
+        stated: first tree.
+        actual: second tree.
         tolerance: relative difference up to which numbers are equal.
-        at: the key of both.
+        at: key of both trees, a prefix of all keys.
     """
-    if isinstance(stated, Mapping) and isinstance(found, Mapping):
-        for key in {**stated, **found}:
-            yield from differing(stated.get(key), found.get(key), tolerance, f"{at}.{key}" if at else str(key))
-    elif tolerance and isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
-        for index, (ours, theirs) in enumerate(zip(stated, found, strict=True)):
+    if isinstance(stated, Mapping) and isinstance(actual, Mapping):
+        for key in {**stated, **actual}:
+            yield from differing(stated.get(key), actual.get(key), tolerance, f"{at}.{key}" if at else str(key))
+    elif tolerance and isinstance(stated, list) and isinstance(actual, list) and len(stated) == len(actual):
+        for index, (ours, theirs) in enumerate(zip(stated, actual, strict=True)):
             yield from differing(ours, theirs, tolerance, f"{at}.{index}")
-    elif tolerance and isinstance(stated, float) and isinstance(found, float):
-        if not math.isclose(stated, found, rel_tol=tolerance, abs_tol=tolerance):
-            yield at, stated, found
-    elif stated != found:
-        yield at, stated, found
+    elif tolerance and isinstance(stated, float) and isinstance(actual, float):
+        if not math.isclose(stated, actual, rel_tol=tolerance, abs_tol=tolerance):
+            yield at, stated, actual
+    elif stated != actual:
+        yield at, stated, actual
 
 
-def table_difference(stated: pa.Table, found: pa.Table, tolerance: float = ROUNDING) -> str | None:
-    """Say where two tables first differ, by column and row from 0; None where they do not.
+def table_difference(stated: pa.Table, actual: pa.Table, tolerance: float = ROUNDING) -> str | None:
+    """Say where two tables first differ, by column and row from 0; None if they are equal.
 
     Args:
-        stated: one of them.
-        found: the other.
+        stated: first table.
+        actual: second table.
         tolerance: relative difference up to which numbers are equal.
     """
     import numpy as np
 
-    if stated.column_names != found.column_names:
+    if stated.column_names != actual.column_names:
         return "the columns differ"
-    if len(stated) != len(found):
-        return f"{len(stated)} rows are stated, {len(found)} come again"
+    if len(stated) != len(actual):
+        return f"{len(stated)} rows are stated, {len(actual)} come again"
     for name in stated.column_names:
-        ours, theirs = (np.asarray(table[name].to_pandas()) for table in (stated, found))
+        ours, theirs = (np.asarray(table[name].to_pandas()) for table in (stated, actual))
         if ours.dtype.kind == "f":
             differs = ~np.isclose(ours, theirs, rtol=tolerance, atol=tolerance, equal_nan=True)
         else:

@@ -1,4 +1,4 @@
-"""The tables of a result: made of records, and read as NumPy arrays."""
+"""Tables of a result: made from records, and read as NumPy arrays."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
 
 #: Columns by name; null floats are NaN.
 Columns = dict[str, npt.NDArray[Any]]
-#: Columns of some rows by name: arrays ``(rows,)`` and lists of words, or single values for all of the rows.
+#: Columns of some rows by name: an array ``(rows,)``, a list of words, or a single value for all rows.
 Record = Mapping[str, Any]
 
 
 def table_of(records: Sequence[Record]) -> pa.Table:
-    """Return the rows of all records, with the columns of the first; without columns where there is no record."""
+    """Return a table of the rows of all records, with the columns of the first record."""
     import pyarrow as pa
 
-    sizes = [next((len(each) for each in part.values() if not isinstance(each, str | float)), 1) for part in records]
+    sizes = [next((len(value) for value in part.values() if not isinstance(value, str | float)), 1) for part in records]
     columns: dict[str, pa.Array] = {}
     for name, first in records[0].items() if records else ():
         values = [(part[name], size) for part, size in zip(records, sizes, strict=True)]
-        if all(isinstance(each, str) for each, _ in values):
-            filled = [each for each in values if each[1]]
+        if all(isinstance(value, str) for value, _ in values):
+            filled = [value for value in values if value[1]]
             columns[name] = _words([word for word, _ in filled], [size for _, size in filled])
         elif isinstance(first, str | list):
-            texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
+            texts = [text for value, size in values for text in ([value] * size if isinstance(value, str) else value)]
             columns[name] = _words(texts)
         else:
-            arrays = [each if np.shape(each) == (size,) else np.full(size, each) for each, size in values]
+            arrays = [value if np.shape(value) == (size,) else np.full(size, value) for value, size in values]
             numbers = np.concatenate(arrays)
             columns[name] = _numbers(numbers, numbers == numbers)
     return pa.table(columns)
@@ -42,7 +42,7 @@ def table_of(records: Sequence[Record]) -> pa.Table:
 
 # Arrow's own conversion imports pandas wherever that is installed, which takes a quarter of a second.
 def _numbers(values: npt.NDArray[Any], known: Mask) -> pa.Array:
-    """Return numbers or truth values, null where they are not known."""
+    """Make an array of numbers or truth values, null where they are not known."""
     import pyarrow as pa
 
     data = np.packbits(values, bitorder="little") if values.dtype == bool else values
@@ -51,7 +51,7 @@ def _numbers(values: npt.NDArray[Any], known: Mask) -> pa.Array:
 
 
 def _words(texts: Sequence[str | None], repeats: int | Sequence[int] = 1) -> pa.Array:
-    """Return texts, each kept once and repeated so often, null for None."""
+    """Make a dictionary array of texts, each repeated so often, null for None."""
     import pyarrow as pa
 
     once = [text for text in dict.fromkeys(texts) if text is not None]
@@ -64,19 +64,19 @@ def _words(texts: Sequence[str | None], repeats: int | Sequence[int] = 1) -> pa.
 
 
 def mean(total: Array, count: Array) -> Array:
-    """NaN where the count is zero."""
+    """Return ``total / count``, NaN where the count is zero."""
     return total / np.where(count > 0, count, np.nan)
 
 
 def table_columns(table: pa.Table) -> Columns:
-    """All columns of a table."""
+    """Return all columns of a table as NumPy arrays."""
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def split(table: pa.Table, *keys: str) -> dict[tuple[str, ...], Columns]:
-    """The rows of each combination of ``keys``, each sorted by ``time_s``; combinations in order of appearance.
+    """Split a table by the values of ``keys``, in order of appearance; rows are sorted by ``time_s``.
 
-    A table without rows may lack its columns too.
+    A table without rows may also lack the columns.
     """
     if not table.num_rows:
         return {}
@@ -97,7 +97,7 @@ def split(table: pa.Table, *keys: str) -> dict[tuple[str, ...], Columns]:
 
 
 def mean_over_objects(time: npt.NDArray[Any], values: npt.NDArray[Any]) -> tuple[Any, Any, Any]:
-    """The instants at which any value is finite, the mean of the finite values at each, and how many there are."""
+    """Return the instants with a finite value, the mean of the finite values at each, and their number."""
     finite = np.isfinite(values)
     instants, index, count = np.unique(time[finite], return_inverse=True, return_counts=True)
     return instants, np.bincount(index, weights=values[finite], minlength=len(instants)) / count, count

@@ -1,4 +1,4 @@
-"""Files and folders that are written whole or not at all."""
+"""Writing of files and folders, whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ import pydantic_core
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
 
-#: In the place of an object's name, where a detection stems from none, and where there is none.
+#: Stand for an object's name: of a false alarm, and where there is no object.
 FALSE_ALARM, NO_OBJECT = "false alarm", ""
 OBSERVER = "observer"
 
-#: Name of the file of a run.
+#: Name of the summary file in the folder of a run.
 SUMMARY = "result.json"
-#: Name of the file of an examination.
+#: Name of the file in the folder of an examination by the doctor.
 EXAMINATION = "examination.json"
 
 log = logging.getLogger(__name__)
 
-#: At the end of the name of what is not whole yet.
+#: Suffix of the name of a file or folder that is not complete yet.
 UNFINISHED = ".unfinished"
 
 
 def json_text(summary: Mapping[str, Any]) -> str:
-    """The summary as JSON.
+    """Return the summary as JSON.
 
     Raises:
-        ValueError: it holds a NaN or an infinity, which a result never does.
+        ValueError: the summary holds a NaN or an infinity, which a result never does.
     """
     # Ten times as fast as json.dumps with an indent, which a sweep of a thousand trackers waits for.
     text = pydantic_core.to_json(summary, indent=2).decode() + "\n"
@@ -45,12 +45,12 @@ def json_text(summary: Mapping[str, Any]) -> str:
 
 
 def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark: str) -> None:
-    """Write a folder: under a temporary name beside it, and renamed when it is complete.
+    """Write a folder under a temporary name beside it, and rename it when it is complete.
 
     Args:
-        files: by name, a function that writes the file; a name may be that of a file in a folder inside.
-        folder: the final name; an earlier one with the file ``mark`` is replaced.
-        mark: name of the file by which such a folder is known.
+        files: function that writes each file, by the file's path within the folder.
+        folder: final name; an earlier folder with the file ``mark`` is replaced.
+        mark: name of the file that identifies this kind of folder.
 
     Raises:
         OutputError: the folder cannot be written or is something else, or the disk is full; nothing is left under the
@@ -71,7 +71,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         written = [f"{name} {(temporary / name).stat().st_size / 1000:.0f} kB" for name in sorted(files)]
         _put(temporary, folder, mark)
     except (OSError, TrackbenchError) as error:
-        # A reader knows the folder by its final name.
+        # The message names the final folder, not the temporary one.
         cause = error if isinstance(error, OSError) else error.__cause__
         if not isinstance(cause, OSError):
             raise
@@ -86,10 +86,10 @@ def require_writable(out: Path, key: str = "--out") -> None:
 
     Args:
         out: the folder.
-        key: the option that names it.
+        key: option that names the folder.
 
     Raises:
-        InputError: they cannot.
+        InputError: files cannot be written to the folder.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"cannot write to {out}: it is a file, not a folder", key=key)
@@ -105,10 +105,10 @@ def require_file(path: Path, key: str) -> None:
 
     Args:
         path: the file.
-        key: the option that names it.
+        key: option that names the file.
 
     Raises:
-        InputError: it cannot.
+        InputError: the file cannot be written.
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder; name a file", key=key)
@@ -116,14 +116,14 @@ def require_file(path: Path, key: str) -> None:
 
 
 def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
-    """Make sure that a folder can take this name: it is free, empty, or an earlier one of its kind.
+    """Make sure that a folder can be written under this name: it is free, empty, or an earlier folder of its kind.
 
     Args:
-        folder: its name.
-        mark: name of the file by which its kind is known; that of a run unless given.
+        folder: name of the folder.
+        mark: name of the file that identifies this kind of folder; by default the summary of a run.
 
     Raises:
-        InputError: something else is there, which is not to be lost.
+        InputError: something else has this name, and is not to be lost.
     """
     free = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
     if not free and not (folder / mark).is_file():
@@ -137,7 +137,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     A device or a pipe, such as /dev/stdout, is written itself.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}{UNFINISHED}")
     try:
@@ -156,12 +156,12 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_file(text: str, path: Path) -> None:
-    """Write a file of a folder that is put in its place as a whole."""
+    """Write a text file of a folder that is renamed as a whole."""
     path.write_text(text, encoding="utf-8")
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:
-    """Rename; a folder that is there already steps aside first, and comes back if the rename fails."""
+    """Rename; an earlier folder is moved away first, and moved back if the rename fails."""
     if not folder.exists():
         os.replace(temporary, folder)
         return
@@ -169,18 +169,18 @@ def _put(temporary: Path, folder: Path, mark: str) -> None:
         require_replaceable(folder, mark)
     except InputError as error:
         raise OutputError(f"cannot write {folder}: {error.message}") from None
-    aside = temporary.with_suffix(".replaced")
-    os.replace(folder, aside)
+    earlier = temporary.with_suffix(".replaced")
+    os.replace(folder, earlier)
     try:
         os.replace(temporary, folder)
     except BaseException:
         if not folder.exists():
-            os.replace(aside, folder)
+            os.replace(earlier, folder)
         raise
-    shutil.rmtree(aside, ignore_errors=True)
+    shutil.rmtree(earlier, ignore_errors=True)
 
 
 def sha256(file: Path) -> str:
-    """Return the digest of the content of a file, in hexadecimal."""
+    """Return the sha256 of a file's content, in hexadecimal."""
     with file.open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()

@@ -1,4 +1,4 @@
-"""Results of one scenario, each with its own trackers, as one result."""
+"""Merging of results of one scenario, each with its own trackers, to one result."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from trackbench.results.tracker_result import TrackerResult
 
 
 def merged_result(results: Mapping[str, Result]) -> Result:
-    """Return the trackers of several results, whose measurements are the same, as those of one.
+    """Merge results with the same measurements to one result with the trackers of all.
 
-    The trackers stand in the order of the results. A table without a column ``tracker`` is that of the first result.
+    The trackers stand in the order of the results. Tables without a column ``tracker`` come from the first result.
 
     Args:
-        results: by where each is from, for messages.
+        results: results by the label of each in messages.
 
     Raises:
         InputError: the measurements or the motion differ, or two trackers have the same name.
@@ -30,26 +30,26 @@ def merged_result(results: Mapping[str, Result]) -> Result:
         if (ours.fingerprints, ours.truth.motion) != (theirs.fingerprints, theirs.truth.motion):
             key = "truth.motion" if ours.fingerprints == theirs.fingerprints else "fingerprints"
             raise InputError(f"{result.name}: {key}: other than in {first_label}, so nothing is paired", file=label)
-    trackers, named = list[TrackerResult](), dict[str, str]()
+    trackers, label_of = list[TrackerResult](), dict[str, str]()
     for label, result in results.items():
         for tracker in result.summary.trackers:
-            if tracker.name in named:
-                raise InputError(f"there is a tracker {tracker.name!r} in {named[tracker.name]} too", file=label)
-            named[tracker.name] = label
+            if tracker.name in label_of:
+                raise InputError(f"there is a tracker {tracker.name!r} in {label_of[tracker.name]} too", file=label)
+            label_of[tracker.name] = label
             trackers.append(tracker.model_copy(update={"place": len(trackers)}))
     summaries, errors = [result.summary for result in results.values()], dict[str, float]()
     for tracker in trackers:
         metric = tracker.metrics.get(first.summary.headline)
         errors[tracker.name] = math.inf if metric is None or metric.value is None else metric.value
     scenes = [
-        of_scene[0].model_copy(update={"error": {name: each for own in of_scene for name, each in own.error.items()}})
-        for of_scene in zip(*(own.truth.scenes for own in summaries), strict=True)
+        same[0].model_copy(update={"error": {name: error for scene in same for name, error in scene.error.items()}})
+        for same in zip(*(summary.truth.scenes for summary in summaries), strict=True)
     ]
     update = {
         "trackers": trackers,
-        "ranking": sorted(named, key=errors.__getitem__),
+        "ranking": sorted(label_of, key=errors.__getitem__),
         "truth": first.summary.truth.model_copy(update={"scenes": scenes}),
-        "passed": all(own.passed for own in summaries),
+        "passed": all(summary.passed for summary in summaries),
     }
     tables = {name: first.tables[name] for name in first.tables}
     for name in [name for name, table in tables.items() if "tracker" in table.column_names]:

@@ -1,4 +1,4 @@
-"""One metric of one tracker, as a result holds it."""
+"""Metric of a tracker, as a result holds it."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ from trackbench.base.files import read_json
 Json = dict[str, Any]
 K = TypeVar("K")
 M = TypeVar("M", bound=BaseModel)
-#: Values that differ by less, relative to the larger, differ by rounding, which is another's in each engine.
+#: Relative difference of two values that is attributed to rounding, which differs between engines.
 ROUNDING = 1e-9
 
 
 class ResultModel(BaseModel):
-    """A part of a result: frozen, and without keys that are not known."""
+    """Part of a result: frozen, and without unknown keys."""
 
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def model_of(kind: type[M], raw: Any, file: Path, what: str, version: int) -> M:
-    """Return the model that the values of a JSON file are.
+    """Validate the values of a JSON file as a model.
 
     Args:
-        kind: the model.
-        raw: the values.
-        file: for error messages.
-        what: the model in a word.
-        version: of its schema.
+        kind: type of the model.
+        raw: values of the file.
+        file: name of the file, for error messages.
+        what: noun for the model, for error messages.
+        version: expected version of the schema.
 
     Raises:
-        InputError: they are none, or of another version.
+        InputError: the values are not such a model, or of another version.
     """
-    required = {name for name, of in kind.model_fields.items() if of.is_required()}
+    required = {name for name, field in kind.model_fields.items() if field.is_required()}
     if not isinstance(raw, dict) or "schema_version" not in raw or (len(raw) > 1 and required.isdisjoint(raw)):
         raise InputError(f"not a {what}", file=file)
     if raw["schema_version"] != version:
@@ -61,10 +61,10 @@ def model_of(kind: type[M], raw: Any, file: Path, what: str, version: int) -> M:
 
 
 def read_model(kind: type[M], file: Path, what: str, version: int) -> M:
-    """Return the model in a JSON file; see :func:`model_of`.
+    """Read the model in a JSON file; see :func:`model_of`.
 
     Raises:
-        InputError: it cannot be read, or is none.
+        InputError: the file cannot be read, or is not such a model.
     """
     try:
         raw = read_json(file)
@@ -76,74 +76,72 @@ def read_model(kind: type[M], file: Path, what: str, version: int) -> M:
 
 
 def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
-    """A pandas data frame of rows with the same keys."""
-    # Takes its time to import.
+    """Return a pandas data frame of rows with the same keys."""
     import pyarrow as pa
 
     return pa.Table.from_pylist([dict(row) for row in rows]).to_pandas()
 
 
 class PartVerdict(ResultModel):
-    """What the errors are judged by beside the mean NEES: its tails, and the errors along and across the motion."""
+    """Verdict on a part of the errors: the tails of the NEES, or the errors along and across the motion."""
 
     name: str
-    """Such as ``beyond the 95 % point`` or ``along the motion``."""
+    """Name of the part, such as ``beyond the 95 % point`` or ``along the motion``."""
     value: float
-    """The share of the estimates, or the mean NEES."""
+    """Share of the estimates, or mean NEES."""
     expected: float
-    """What it is of a consistent tracker."""
+    """Value of a consistent tracker."""
     ci95: tuple[float, float]
     verdict: str
 
 
 class ConditionVerdict(ResultModel):
-    """The mean of a chi-square statistic under one condition, and what it says."""
+    """Mean of a chi-square statistic under one condition, with the verdict on it."""
 
     name: str
-    """Of a manoeuvre, of a range band, or ``first second``."""
+    """Name of a manoeuvre or of a range band, or ``first second``."""
     mean: float
     ci95: tuple[float, float]
     verdict: str
-    """On the mean."""
     parts: tuple[PartVerdict, ...] = ()
-    """Where there are enough estimates for them."""
+    """Verdicts on the parts with enough estimates."""
 
 
 class MetricValue(ResultModel):
-    """A value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well.
+    """Value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well.
 
     It is a number: ``float(value)``, ``f"{value:.3f}"`` and ``value < 0.1`` work, and ``str`` gives the value with its
     interval, "0.0971 m (0.090 to 0.118)". Without a value they raise an InputError that says why there is none.
     """
 
     value: float | None = None
-    """None where there is none; ``reason`` says why. In JSON the value of a chi-square statistic is its ``mean``."""
+    """None for a missing value; ``reason`` says why. In JSON the value of a chi-square statistic is its ``mean``."""
     unit: str
-    """ "1" for a number without a unit."""
+    """Unit; "1" for a number without one."""
     ci95: tuple[float, float] | None = None
-    """95 % interval; None where one run gives none, or where there is none of this metric."""
+    """95 % interval; None where a single run gives none, or where the metric has none."""
     reason: str | None = None
-    """Why there is no value or no interval."""
+    """Reason for a missing value or interval."""
     dof: int | None = None
-    """Degrees of freedom of a chi-square statistic: what its mean is where the tracker is consistent."""
+    """Degrees of freedom of a chi-square statistic: its mean for a consistent tracker."""
     steps_inside_bounds: float | None = None
     """Share of the instants at which the mean over runs and objects is inside its own bounds."""
     coverage: float | None = None
-    """Share of the measurements of which there is an innovation, among those where there should be one."""
+    """Share of the innovations that were given, among the measurements that should have one."""
     inside95: float | None = None
     """Share of single statistics under their 95 % point."""
     verdict: str | None = None
-    """For example ``consistent`` or ``white``."""
+    """Verdict, such as ``consistent`` or ``white``."""
     also: str | None = None
-    """What else is off of a covariance, which the verdict, its main word, does not say: ``heavy-tailed``."""
+    """Second verdict on a covariance that the first one hides: ``heavy-tailed``."""
     words: str | None = None
-    """The verdict on a covariance in plain words, such as "too large; about right on straights"."""
+    """Verdict on a covariance in plain words, such as "too large; about right on straights"."""
     charged_share: float | None = None
     """Share of the squared error that is charged for missing estimates; None where none is missing."""
     without_charged: float | None = None
-    """The value over the estimates that were given alone."""
+    """Value over the given estimates alone."""
     p05: float | None = None
-    """Of a delay, what 5 % are below; as ``p50`` and ``p95``."""
+    """Quantile of a delay: 5 % of the delays are below; likewise ``p50`` and ``p95``."""
     p50: float | None = None
     p95: float | None = None
     early: float | None = None
@@ -153,13 +151,13 @@ class MetricValue(ResultModel):
     missing: float | None = None
     """Share of the events without an answer."""
     conditions: tuple[ConditionVerdict, ...] | None = None
-    """Those under which the statistic was judged, which the verdict takes into account."""
+    """Verdicts under each condition, which the verdict takes into account."""
     parts: tuple[PartVerdict, ...] | None = None
-    """Those over all estimates, which the verdict takes into account."""
+    """Verdicts on parts of the errors of all estimates, which the verdict takes into account."""
 
     @property
     def mean(self) -> float | None:
-        """The value of a statistic that is a mean."""
+        """Value of a statistic that is a mean."""
         return self.value
 
     def __float__(self) -> float:
@@ -189,7 +187,7 @@ class MetricValue(ResultModel):
         if self.ci95 is None or not self.ci95[0] < self.ci95[1]:
             return f"{self.value:.4g}{unit}"
         low, high = self.ci95
-        # Two significant digits of the width, and one more of the value.
+        # The ends show two significant digits of the width, the value one more.
         places = max(0, 1 - math.floor(math.log10(high - low)))
         return f"{self.value:.{places + 1}f}{unit} ({low:.{places}f} to {high:.{places}f})"
 
@@ -205,7 +203,7 @@ class MetricValue(ResultModel):
 
     @model_serializer(mode="wrap")
     def _short(self, handler: SerializerFunctionWrapHandler) -> Json:
-        """Without what is not set; a value stays, and so does an interval that is missing for a reason."""
+        """Leave out unset fields; the value stays, and so does an interval that is missing for a reason."""
         entry = {key: value for key, value in handler(self).items() if value is not None}
         value = entry.pop("value", None)
         if value is not None and self.reason is not None:
@@ -214,10 +212,9 @@ class MetricValue(ResultModel):
 
 
 class MetricsByPath(dict[str, MetricValue]):
-    """The metrics of a tracker by dotted path."""
+    """Metrics of a tracker by dotted path; an unknown path raises an InputError."""
 
     def __missing__(self, path: str) -> MetricValue:
-        """Raise InputError: there is none of this name."""
         raise InputError(f"no metric {path!r} of this tracker; {nearest_choices(str(path), self)}")
 
 
@@ -225,7 +222,7 @@ Metrics = Annotated[dict[str, MetricValue], AfterValidator(MetricsByPath)]
 
 
 def by_value(values: Mapping[K, float]) -> list[K]:
-    """The keys by their values, the least first; those that differ by rounding alone as they stand in the mapping."""
+    """Return the keys by their values, the least first; equal values, but for rounding, keep the mapping's order."""
     least: dict[K, float] = {}
     value = first = math.nan
     for key in sorted(values, key=values.__getitem__):

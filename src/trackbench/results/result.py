@@ -1,4 +1,4 @@
-"""The result of a run, and the differences between its trackers."""
+"""Result of a run, and the differences between its trackers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Difference(ResultModel):
-    """The value of one tracker minus that of another, paired over the runs."""
+    """Value of tracker ``a`` minus the value of tracker ``b``, paired over the runs."""
 
     a: str
     b: str
@@ -33,28 +33,28 @@ class Difference(ResultModel):
     value: float
     ci95: tuple[float, float] | None
     margin: float
-    """Up to this a difference does not matter."""
+    """Largest difference that does not matter."""
     p_value: float | None
-    """Of the hypothesis that the difference is within the margin, corrected for the number of differences in the
-    family; None of a difference that is in none."""
+    """P-value of the hypothesis that the difference is within the margin, corrected for the number of differences in
+    the family; None for a difference in no family."""
     better: str | None
-    """The tracker that is shown to be better by more than the margin."""
+    """Tracker that is shown to be better by more than the margin."""
     verdict: str | None
-    """The same in words; ``larger`` and ``smaller``, of ``a``, where the difference is shown and neither is better.
-    None of a difference that is in no family."""
+    """Verdict in words; ``larger`` and ``smaller``, said of ``a``, where neither tracker is better. None for a
+    difference in no family."""
     without_charged: float | None = None
-    """The same over the estimates that were given alone, where over a tenth of the squared error of either is charged
-    for missing ones. Neither is called better where this has the other sign."""
+    """Difference over the given estimates alone, where over a tenth of either squared error is charged for missing
+    estimates. Neither tracker is called better where its sign differs."""
 
     @property
     def turned(self) -> bool:
-        """Whether the difference is shown, and neither is called better since it turns without what is charged."""
+        """Whether the difference is shown, but neither tracker is better as ``without_charged`` has another sign."""
         shown = self.verdict in ("larger", "smaller")
         return shown and self.without_charged is not None and self.without_charged * self.value < 0
 
 
 def difference_table(differences: Iterable[Difference]) -> pa.Table:
-    """The table ``differences``; without columns where there is none."""
+    """Return the table ``differences``; without columns if there are none."""
     rows = [{**vars(item), **dict(zip(_ENDS, item.ci95 or (None, None), strict=True))} for item in differences]
     words: dict[str, Any] = {name: [row[name] for row in rows] for name in _WORDS}
     numbers = {name: np.array([row[name] for row in rows], dtype=float) for name in _NUMBERS}
@@ -62,25 +62,25 @@ def difference_table(differences: Iterable[Difference]) -> pa.Table:
 
 
 def differences_from_table(table: pa.Table) -> list[Difference]:
-    """The rows of the table as differences."""
+    """Return the rows of the table ``differences``."""
     rows = table.to_pylist()
     ends = [tuple(row.pop(name) for name in _ENDS) for row in rows]
     return [Difference(**row, ci95=None if None in ci95 else ci95) for row, ci95 in zip(rows, ends, strict=True)]
 
 
-#: The columns of the ends of an interval, those of words, and those of numbers.
+#: Columns of the table ``differences``: ends of the interval, words, and numbers.
 _ENDS = ("ci95_low", "ci95_high")
 _WORDS = ("a", "b", "metric", "unit", "better", "verdict")
 _NUMBERS = ("value", *_ENDS, "margin", "p_value", "without_charged")
-#: Tables of the recorded scene alone.
+#: Tables that have only the recorded scene.
 OF_RECORDED_RUN = ("measurements", "estimates", "recorded_nis", "recorded_modes", "taken", "gates", "objects", "due")
-#: More lines than this in one picture cannot be told apart, and more rows in one page are read by programs alone.
+#: Largest number of trackers in one picture, and largest number of trackers listed on one page.
 MOST_DRAWN, MOST_LISTED = 12, 1000
 
 
 @dataclass(frozen=True)
 class Result:
-    """Everything that a report, a recording or a comparison needs; none of them runs anything again.
+    """Result of a run: everything that a report, a recording or a comparison reads.
 
     ``result["ekf_cv"].position_rmse.value`` is a metric of a tracker.
     """
@@ -96,10 +96,10 @@ class Result:
         )
 
     def __getitem__(self, tracker: str) -> TrackerResult:
-        """One tracker.
+        """Return the result of one tracker.
 
         Raises:
-            InputError: there is none of this name.
+            InputError: there is no tracker of this name.
         """
         if tracker not in self._by_name:
             raise InputError(f"no tracker {tracker!r} in this result; {nearest_choices(str(tracker), self)}")
@@ -110,48 +110,48 @@ class Result:
         return {tracker.name: tracker for tracker in self.summary.trackers}
 
     def __iter__(self) -> Iterator[str]:
-        """The names of the trackers, in the order of the scenario."""
+        """Iterate over the names of the trackers, in the order of the scenario."""
         return (entry.name for entry in self.summary.trackers)
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """By tracker, its place in the scenario file, from which it has its colour."""
+        """Place of each tracker in the scenario file, which gives its colour."""
         return {tracker.name: tracker.place for tracker in self.summary.trackers}
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """Name of the scenario."""
         return self.summary.scenario.name
 
     @cached_property
     def differences(self) -> list[Difference]:
-        """Those between the ranked trackers: every pair, or each with the one of ``summary.score.against``."""
+        """Differences of the ranked trackers: every pair, or each to ``summary.score.against``."""
         return differences_from_table(self.tables.if_there("differences"))
 
     @cached_property
     def scored(self) -> list[TrackerResult]:
-        """The trackers that finished with a position RMSE that is comparable, best first."""
+        """Trackers whose errors are comparable, best first."""
         ranked = [self[name] for name in self.summary.ranking]
         return [tracker for tracker in ranked if not self.why_unscored(tracker)]
 
     @cached_property
     def contenders(self) -> list[TrackerResult]:
-        """Of the scored trackers those that know no more than a tracker can; all where all do know more."""
+        """Scored trackers that are not references; all scored trackers if all are references."""
         return [tracker for tracker in self.scored if not tracker.is_reference] or self.scored
 
     @property
     def filtering(self) -> list[TrackerResult]:
-        """Of the contenders those that filter, whose worst moments are looked for; all where none does."""
+        """Contenders that filter, whose worst moments are shown; all contenders if none filters."""
         return [tracker for tracker in self.contenders if not tracker.baseline] or self.contenders
 
     @property
     def drawn(self) -> list[TrackerResult]:
-        """Those of them that figures and recordings show: of more than ``MOST_DRAWN`` the best."""
+        """Scored trackers that figures and recordings show: the best ``MOST_DRAWN``."""
         return self.scored[:MOST_DRAWN]
 
     @cached_property
     def listed(self) -> Result:
-        """What pages say: of more than ``MOST_LISTED`` trackers, the result of the first of the ranking alone."""
+        """Result that pages show, with no more than the first ``MOST_LISTED`` trackers of the ranking."""
         if len(self.summary.ranking) <= MOST_LISTED:
             return self
         names = self.summary.ranking[:MOST_LISTED]
@@ -163,11 +163,11 @@ class Result:
 
     @property
     def unscored(self) -> list[TrackerResult]:
-        """The trackers that failed, gave nothing to score or too few estimates, or are too good to be true."""
+        """Trackers that failed, gave nothing to score or too few estimates, or are too good to be true."""
         return [tracker for tracker in self.summary.trackers if self.why_unscored(tracker)]
 
     def why_unscored(self, tracker: TrackerResult) -> str:
-        """Why a tracker is not held against the others; empty where it is."""
+        """Return why a tracker is not compared with the others; empty where it is."""
         if tracker.failed is not None:
             return str(tracker.failed)
         headline = tracker.metrics.get(self.summary.headline)
@@ -181,19 +181,18 @@ class Result:
         return self.why_suspect(tracker)
 
     def why_suspect(self, tracker: TrackerResult) -> str:
-        """Why a tracker's estimates cannot come from its measurements alone; empty where nothing shows it."""
+        """Return why a tracker's estimates cannot come from its measurements alone; empty where nothing shows it."""
         return f"it {BEATS_BOUND}" if tracker.beats_bound(self.summary.reference) else ""
 
     def json(self) -> dict[str, Any]:
-        """The summary as JSON values, without the digests of the tables as they were written."""
+        """Return the summary as JSON values, without the digests of the tables."""
         return self.summary.model_dump(mode="json", exclude={"tables"})
 
     @property
     def rows(self) -> Iterator[Json]:
-        """Each value of each tracker, as a row: of a scene or of all, of a condition or of all estimates.
+        """Rows with one value each: of a tracker, in a scene or all scenes, under a condition or for all estimates.
 
-        ``n`` is the number of runs, of a condition that of errors; ``reason`` says why a value or its interval is not
-        there.
+        ``n`` is the number of runs, or of errors under a condition. ``reason`` says why a value or interval is missing.
         """
         summary = self.summary
 
@@ -205,7 +204,7 @@ class Result:
 
         for tracker in summary.trackers:
             parts = [("", tracker.metrics, summary.runs)]
-            parts += [(name, own.metrics, own.count) for name, own in tracker.conditions.items() if name]
+            parts += [(name, scores.metrics, scores.count) for name, scores in tracker.conditions.items() if name]
             for condition, metrics, n in parts:
                 yield from (row("", tracker.name, path, condition, value, n) for path, value in metrics.items())
             for scene in (scene for scene in summary.truth.scenes if tracker.name in scene.error):
@@ -213,34 +212,34 @@ class Result:
                 yield row(scene.name, tracker.name, summary.headline, "", value, summary.runs // n)
 
     def to_pandas(self, table: str | None = None) -> Any:
-        """A table as a pandas data frame.
+        """Return a table as a pandas data frame.
 
         Args:
-            table: one of ``result.tables``; unless given, the rows of :attr:`rows`. Of several scenes ``truth`` and
-                ``tracks`` have all, other tables of the recorded run that one; the column ``scene`` says which.
+            table: one of ``result.tables``; by default :attr:`rows`. With several scenes, ``truth`` and ``tracks`` have
+                every scene, other tables of the recorded run the recorded scene; the column ``scene`` says which.
 
         Raises:
-            InputError: there is none of this name.
+            InputError: there is no table of this name.
         """
         if table is None:
             return data_frame(self.rows)
         if table not in self.tables:
             raise InputError(f"no table {table!r} in this result; {nearest_choices(table, self.tables)}")
-        own, others = self.tables[table], self.tables.if_there(f"other_{table}")
+        rows, others = self.tables[table], self.tables.if_there(f"other_{table}")
         if len(self.summary.truth.motion) > 1 and (len(others) or table in OF_RECORDED_RUN):
             import pyarrow as pa
 
-            own = own.append_column("scene", pa.array([float(self.summary.recorded_scene)] * len(own)))
-            own = pa.concat_tables([own, *([others] if len(others) else [])], promote_options="default")
-            own = own.sort_by("scene")
-        return own.to_pandas()
+            rows = rows.append_column("scene", pa.array([float(self.summary.recorded_scene)] * len(rows)))
+            rows = pa.concat_tables([rows, *([others] if len(others) else [])], promote_options="default")
+            rows = rows.sort_by("scene")
+        return rows.to_pandas()
 
     def save(self, folder: Path | str, artifacts: Mapping[str, Callable[[Path], None]] | None = None) -> None:
-        """Write the run's folder: under a temporary name beside it, and renamed when it is complete.
+        """Write the run's folder under a temporary name beside it, and rename it when it is complete.
 
         Args:
-            folder: the final name; an earlier result under it is replaced.
-            artifacts: by file name, a function that writes the file (report, recording).
+            folder: final name; an earlier result under it is replaced.
+            artifacts: function that writes each further file (report, recording), by file name.
 
         Raises:
             OutputError: the folder cannot be written or is something else, or the disk is full; nothing is left under
@@ -249,13 +248,13 @@ class Result:
         save_files({**self.files(), **(artifacts or {})}, Path(folder), SUMMARY)
 
     def files(self) -> dict[str, Callable[[Path], object]]:
-        """By the name of each file of the numbers in the run's folder, what writes it."""
+        """Return the function that writes each file of numbers in the run's folder, by file name."""
         import pyarrow.parquet as pq
 
         tables = {
             f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()
         }
-        # After the tables, whose digests it has.
+        # The summary comes last, as it has the digests of the tables.
         return {**tables, SUMMARY: self._write_summary}
 
     def _write_summary(self, file: Path) -> None:
@@ -263,12 +262,12 @@ class Result:
         write_file(json_text({**self.json(), "tables": digests}), file)
 
     def updated(self, **fields: Any) -> Result:
-        """The same result with other fields of its summary."""
+        """Return a copy with other fields of its summary."""
         return replace(self, summary=self.summary.model_copy(update=fields))
 
     @classmethod
     def from_json(cls, summary: Mapping[str, Any], tables: Mapping[str, pa.Table]) -> Result:
-        """A result from JSON values and tables in memory.
+        """Return a result from JSON values and tables in memory.
 
         Raises:
             pydantic.ValidationError: the values are no summary.
@@ -277,10 +276,10 @@ class Result:
 
     @classmethod
     def load(cls, folder: Path | str) -> Result:
-        """The result in a run's folder, which may also be named by the ``result.json`` in it.
+        """Load the result in a run's folder; its ``result.json`` may be named instead.
 
         Raises:
-            InputError: there is none, it cannot be read, or it is of another version.
+            InputError: there is no result, it cannot be read, or it is of another version.
         """
         path = Path(folder)
         file = path if path.name == SUMMARY and not path.is_dir() else path / SUMMARY
@@ -296,7 +295,7 @@ class Result:
 
 
 def merged_places(results: Iterable[Result]) -> dict[str, int]:
-    """By tracker, its place in the first of some results that has it."""
+    """Return the place of each tracker in the first result that has it."""
     places: dict[str, int] = {}
     for result in results:
         places |= {name: place for name, place in result.places.items() if name not in places}
@@ -304,7 +303,6 @@ def merged_places(results: Iterable[Result]) -> dict[str, int]:
 
 
 def _instead(folder: Path) -> str:
-    """What a folder without a result is."""
     if (folder / EXAMINATION).is_file():
         return "it is that of an examination: open its report.html; `trackbench view` shows its recording"
     inside = sorted(file.parent.name for file in folder.glob(f"[!.]*/{SUMMARY}"))

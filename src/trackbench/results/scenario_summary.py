@@ -1,4 +1,4 @@
-"""What was run, in ``result.json``: the scenario, its truth with its audit, its sensors, and what is scored."""
+"""Description of a run in ``result.json``: scenario, truth with its audit, sensors, and scoring."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from trackbench.results.metric_value import ResultModel
 
 
 class VelocityMismatch(ResultModel):
-    """How far a velocity is from the displacement that it should cause; None where nothing moves."""
+    """Difference between stated velocities and velocities from displacements; None where nothing moves."""
 
     max_mps: float | None
     mean_mps: float | None
     object: str | None
-    """Where it is largest."""
+    """Object with the largest difference."""
     time_s: float | None
 
 
 class PositionJump(ResultModel):
-    """A body moves in a way that its velocity does not explain, and its track ends there."""
+    """Jump of a body that its velocity does not explain; its true path ends there."""
 
     object: str
     time_s: float
@@ -31,49 +31,48 @@ class PositionJump(ResultModel):
 
 
 class VelocityJumps(ResultModel):
-    """Steps in which a velocity changes by more than a car can do. They are counted and stay."""
+    """Jumps of a velocity: changes in one step that exceed what a car can do. They are counted, not corrected."""
 
     limit_mps2: float
-    """Change of the velocity vector over the step's duration, above which it is a jump."""
+    """Change of the velocity vector over the step's duration above which it is a jump."""
     count: int = 0
-    """In all runs of a random motion."""
+    """Number of jumps, in all runs of a random motion."""
     largest_mps: float | None = None
-    """Change of the velocity vector in the largest one."""
+    """Change of the velocity vector in the largest jump."""
     object: str | None = None
-    """Whose it is."""
+    """Object of the largest jump, whose step ends at ``time_s``."""
     time_s: float | None = None
-    """At the end of its step."""
     peak_acceleration_mps2: float | None = None
     """Largest change of the velocity vector over the step's duration, jump or not."""
 
 
 class EndedEarly(ResultModel):
-    """The truth is shorter than the scenario asks for."""
+    """Early end of a truth that is shorter than the scenario asks for."""
 
     time_s: float
     reason: str
 
 
 class Repairs(ResultModel):
-    """What was corrected."""
+    """Corrections of a truth: names of the corrected objects."""
 
     velocity_from_displacement: list[str] = Field(default_factory=list)
     cut_at_jump: list[str] = Field(default_factory=list)
-    """Objects whose track ends at a jump."""
+    """Objects whose true path ends at a jump."""
 
     @property
     def any(self) -> bool:
-        """Whether anything was."""
+        """Whether anything was corrected."""
         return any(vars(self).values())
 
 
 class TruthAudit(ResultModel):
-    """What the audit of a truth found and did."""
+    """Findings and corrections of the audit of a truth."""
 
     mode: Literal["repair", "refuse", "by construction"]
     verdict: Literal["consistent", "repaired", "exact"]
     velocity_error_before: VelocityMismatch
-    """Mismatch of the velocity that the source states with the displacement."""
+    """Mismatch of the velocities that the source states."""
     velocity_error_after: VelocityMismatch
     jumps: list[PositionJump]
     velocity_jumps: VelocityJumps
@@ -81,25 +80,25 @@ class TruthAudit(ResultModel):
     ended_early: EndedEarly | None = None
 
 
-#: None where a truth was not audited; such a ``Truth`` has an empty mapping.
+#: Audit of a truth; None where it was not audited, for which ``Truth`` has an empty mapping.
 Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
 
 
 class ScenarioSummary(ResultModel):
-    """The scenario as it was run."""
+    """Scenario as it was run."""
 
     name: str
-    """With the world, where it has one: that of the folder."""
+    """Name of the scenario, with its world if it has one, as in the name of the folder."""
     description: str
     file: str
     text: str
     overrides: list[str]
     world: str | None = None
-    """One of the worlds of a scenario."""
+    """World of the scenario; None if it has no worlds."""
 
     @property
     def base(self) -> str:
-        """The name that its worlds share."""
+        """Name of the scenario without its world."""
         return self.name if self.world is None else self.name.removesuffix(f"-{self.world}")
 
 
@@ -107,43 +106,43 @@ class SceneSummary(ResultModel):
     """One of several scenes."""
 
     name: str
-    """What tells it from the others, such as ``seed 13``."""
+    """Distinguishing name, such as ``seed 13``."""
     objects: list[str]
     duration_s: float
     audit: Audit
     error: dict[str, float]
-    """Of each ranked tracker with an estimate in it: the metric that trackers are ranked by, m."""
+    """Value of the metric that ranks, m, for each ranked tracker with an estimate in the scene."""
 
 
 class TruthSummary(ResultModel):
-    """Where the truth of the recorded run came from and what the audit found; the source's own options stand beside."""
+    """Source of the truth and audit of the recorded run; the options of the source are extra fields."""
 
     model_config = ConfigDict(extra="allow")
 
     source: str
     objects: list[str]
     known: bool = True
-    """False where a recording has measurements alone: nothing is ranked then."""
+    """False for a recording with measurements alone, where nothing is ranked."""
     steps: int
     dt: float | None
     duration_s: float
     audit: Audit
     cached: bool
     scenes: list[SceneSummary] = Field(default_factory=list)
-    """All of them, where there are several."""
+    """All scenes if there are several; else empty."""
     few_scenes_decide: bool = False
     """Whether one scene of a hundred may decide between two trackers: simulated vehicles hide others."""
     motion: list[str] = Field(default_factory=list)
-    """Fingerprint of what moved in each scene, also of a single one: one that begins another is of the same scene."""
+    """Fingerprint of the motion in each scene. If one is the beginning of another, both are of the same scene."""
 
     @property
     def log_stretches(self) -> int:
-        """Into how many stretches of time the scores of each log are cut; 0: into none."""
+        """Number of stretches of time that the scores of each log are cut into; 0 for none."""
         return int((self.model_extra or {}).get("stretches", 0))
 
     @property
     def kind_of_scenes(self) -> str:
-        """Plural that names the scenes: stretches of logs, sequences of boxes, or scenes."""
+        """Plural noun for the scenes: stretches (of logs), sequences (of boxes), or scenes."""
         return "stretches" if self.log_stretches else "sequences" if self.source == "recorded-boxes" else "scenes"
 
     @property
@@ -155,48 +154,47 @@ class TruthSummary(ResultModel):
 
     @property
     def vehicles(self) -> str:
-        """How many there are, or that nobody knows."""
+        """Number of vehicles in words, or "no truth"."""
         return counted(len(self.objects), "vehicle") if self.known else "no truth"
 
 
 class SensorSummary(ResultModel):
-    """One sensor."""
+    """Description of a sensor."""
 
     kind: str
     noise: str
-    """Standard deviation of each component as the sensor states it, such as "range 0.3 m, azimuth 0.5 deg"."""
+    """Stated standard deviation of each component, such as "range 0.3 m, azimuth 0.5 deg"."""
     fov_deg: float
     max_range_m: float | None
     """None without a limit."""
     rate_hz: float | None
-    """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
+    """Rate of the scans; for recorded measurements, one over their median interval, and None for a single scan."""
     preset: str | None
     detection_rate: float | None
     """Share of the scans with an object in view that gave a measurement of it."""
     latency_s: tuple[float, float] = (0.0, 0.0)
-    """The least and the most time from a measurement to its arrival."""
+    """Least and largest time from a measurement to its arrival."""
     effects: tuple[dict[str, JsonValue], ...] = ()
-    """How it differs from an ideal sensor, in the order in which they act: the type and the options of each."""
+    """Effects by which it differs from an ideal sensor, in the order in which they act: type and options of each."""
 
     @property
     def range_in_words(self) -> str:
-        """The largest range, such as "150 m"."""
+        """Largest range in words, such as "150 m"."""
         return "no limit" if self.max_range_m is None else f"{self.max_range_m:g} m"
 
     @property
     def latency_in_words(self) -> str:
-        """Of its scans, s, such as "0.1" or, drawn, "0.05 to 0.2"."""
+        """Latency of the scans, s, such as "0.1" or, if it is drawn, "0.05 to 0.2"."""
         return " to ".join(dict.fromkeys(f"{end:g}" for end in self.latency_s))
 
     @property
     def effects_in_words(self) -> str:
-        """How it differs from an ideal one, such as "faces (share 0.2); bias (azimuth 0.1 deg)", or "none"."""
+        """Effects in words, such as "faces (share 0.2); bias (azimuth 0.1 deg)", or "none"."""
         effects = (f"{_effect_type(each)} ({', '.join(_options_in_words(each))})" for each in self.effects)
         return "; ".join(effects) or "none"
 
 
 def _effect_type(effect: Mapping[str, object]) -> str:
-    """The name of a built-in effect in words; the reference of a plug-in as it is."""
     name = str(effect["type"])
     return name if ":" in name else name.replace("_", " ")
 
@@ -210,28 +208,29 @@ def _options_in_words(options: Mapping[str, object]) -> Iterator[str]:
 
 
 class ReferenceSummary(ResultModel):
-    """What errors are held against: the Cramer-Rao bound of targets that move with white acceleration.
+    """Reference that errors are compared with: the Cramer-Rao bound of targets that move with white acceleration.
 
-    It also takes for granted that the sensors' noise is as stated and without bias, and that each measurement is known
-    to be of its target.
+    It also assumes that the sensors' noise is as stated and without bias, and that the target of each measurement is
+    known.
     """
 
     kind: Literal["bound", "reference"]
     """bound: the targets do move so and the noise is as stated, and no tracker can be expected to have smaller errors.
     reference: they move in another way, or a sensor has effects, and a tracker can have smaller errors."""
     acceleration_sigma_mps2: float
-    """Standard deviation per axis."""
+    """Standard deviation of the acceleration per axis."""
     acceleration_from: Literal["scenario", "truth"]
-    """scenario: as it states. truth: that by which the targets were driven, or else the RMS of their acceleration."""
+    """Source of the acceleration. scenario: the scenario states it. truth: the acceleration that drove the targets, or
+    else the RMS of their acceleration."""
 
     @property
     def label(self) -> str:
-        """As a legend names it."""
+        """Label in a legend."""
         return "Cramér-Rao bound" if self.kind == "bound" else "reference"
 
     @property
     def meaning(self) -> str:
-        """What it is, in one sentence."""
+        """Meaning of the reference, in one sentence."""
         white = f"with white acceleration of {self.acceleration_sigma_mps2:.3g} m/s² per axis"
         if self.kind == "bound":
             moving = white if self.acceleration_sigma_mps2 > 0 else "straight and steadily"
@@ -244,7 +243,7 @@ class ReferenceSummary(ResultModel):
 
 
 class MetricSummary(ResultModel):
-    """A metric, of a result that can be read where its class is not."""
+    """Description of a metric, so that a result can be read without the metric's class."""
 
     name: str
     unit: str
@@ -257,7 +256,7 @@ class MetricSummary(ResultModel):
 
 
 class MarginSummary(ResultModel):
-    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+    """Margin up to which differences do not matter: the larger of a share of the better value and an absolute part."""
 
     percent: float
     position_m: float
@@ -265,16 +264,16 @@ class MarginSummary(ResultModel):
     course_deg: float
 
     def absolute(self, unit: str) -> float:
-        """The absolute part of metrics of a unit; 0 where there is none."""
+        """Return the absolute part of the margin for metrics of a unit; 0 where there is none."""
         return {"m": self.position_m, "m/s": self.velocity_mps, "deg": self.course_deg}.get(unit, 0.0)
 
     def at(self, value: float, unit: str) -> float:
-        """The margin where the better of the two values is this one."""
+        """Return the margin if this is the better one of two values."""
         return max(self.percent / 100 * abs(value), self.absolute(unit))
 
 
 def sentence_on_point(point: str) -> str:
-    """Say which point of a body is scored, with which velocity; empty for the centre."""
+    """Say which point of a body is scored; empty for the centre."""
     words = {"rear": "middle of the rear", "nearest_face": "middle of the face nearest to the observer"}
     if point == "centre":
         return ""
@@ -282,29 +281,29 @@ def sentence_on_point(point: str) -> str:
 
 
 class ScoreSummary(ResultModel):
-    """Which errors count, and what is computed of them beside the built-in metrics."""
+    """Rules of scoring, and the metrics beside the built-in ones."""
 
     settle_s: float
     divergence_m: float | None = None
-    """A run with a larger position error has diverged."""
+    """Position error above which a run has diverged."""
     point: str = "centre"
-    """The point of each body that estimates are compared with."""
+    """Point of each body that estimates are compared with."""
     min_coverage: float
-    """A tracker with a smaller share of the estimates that it should give is not ranked."""
+    """Least share of the due estimates that a tracker must give to be ranked."""
     from_s: float
-    """The first instant at which a sensor looks; trackers are asked and scored from here on."""
+    """First instant of a scan; estimates are asked for and scored from here on."""
     to_s: float
-    """The last one."""
+    """Last instant of a scan."""
     margin: MarginSummary
     baseline: str | None = None
-    """The ranked tracker that all others are held against, where the scenario names one."""
+    """Ranked tracker that all others are compared with, if the scenario names one."""
     best: str | None = None
-    """The best of so many trackers that all others are held against it alone."""
+    """Best tracker, with which alone all others are compared if there are many."""
     cutoff_m: float | None = None
-    """Where identities are hidden, the distance from which a track is not on an object."""
+    """Cutoff distance of GOSPA with hidden identities; None with known ones."""
     metrics: list[MetricSummary] = Field(default_factory=list)
 
     @property
     def against(self) -> str | None:
-        """The tracker that all others are held against; None where every pair is compared."""
+        """Tracker that all others are compared with; None where every pair is compared."""
         return self.baseline or self.best

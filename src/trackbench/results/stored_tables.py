@@ -1,4 +1,4 @@
-"""The tables of a result, each read when it is first asked for."""
+"""Tables of a result, each read when it is first used."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 class Tables(Mapping[str, Any]):
-    """The tables of a result by name, each read from the folder of the run when it is first asked for.
+    """Tables of a result by name, each read from the folder of the run when it is first used.
 
     A table is an attribute too, such as ``tables.steps``.
     """
 
     def __init__(self, tables: Mapping[str, pa.Table | str], folder: Path = Path()) -> None:
-        """``tables``: by name each table, or the sha256 of its file in the folder."""
+        """Hold ``tables``: by name each table, or the sha256 of its file in the folder."""
         self._tables, self._folder = dict(tables), folder
 
     def __iter__(self) -> Iterator[str]:
@@ -37,16 +37,16 @@ class Tables(Mapping[str, Any]):
         return [*super().__dir__(), *self]
 
     def __getattr__(self, name: str) -> pa.Table:
-        """A table as an attribute."""
+        """Return a table as an attribute."""
         if name.startswith("_") or name not in self:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         return self[name]
 
     def __getitem__(self, name: str) -> pa.Table:
-        """A table by its name.
+        """Return the table of this name.
 
         Raises:
-            InputError: it is not in the folder or cannot be read.
+            InputError: its file is not in the folder or cannot be read.
         """
         table = self._tables[name]
         if isinstance(table, str):
@@ -58,7 +58,7 @@ class Tables(Mapping[str, Any]):
         return table
 
     def if_there(self, name: str) -> pa.Table:
-        """A table that not every run leaves; without rows where it is not there."""
+        """Return a table that not every run has; without rows and columns if it is missing."""
         import pyarrow as pa
 
         return self[name] if name in self else pa.table({})

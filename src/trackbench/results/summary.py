@@ -1,4 +1,4 @@
-"""A whole ``result.json``, with when it was made and of which code."""
+"""Content of ``result.json``, with when the runs were made and with which code."""
 
 from __future__ import annotations
 
@@ -20,22 +20,21 @@ from trackbench.results.tracker_result import TrackerResult
 
 
 class Provenance(ResultModel):
-    """When the runs began, and what of the user's own code they were made of. No number depends on it."""
+    """Time at which the runs began, and versions of the user's code. No number depends on them."""
 
     made_at: AwareDatetime
-    """When the runs began."""
     commit: str | None
-    """Of the git repository that holds the scenario; None where there is none."""
+    """Commit of the git repository that holds the scenario; None without a repository."""
     changed: bool | None
     """Whether files of the repository differed from the commit; files that git does not track do not count."""
     no_commit: str = ""
-    """Why there is no commit."""
+    """Reason for a missing commit."""
     code: dict[str, str | None] = Field(default_factory=dict)
-    """By name of each tracker with code of its own, the sha256 of that code; None where it was not found."""
+    """Sha256 of the code of each tracker that is not built in, by its name; None if the code was not found."""
 
     @property
     def commit_in_words(self) -> str:
-        """Its first letters and whether it was changed, or that there is none."""
+        """First letters of the commit and whether files were changed, or "none"."""
         if self.commit is None:
             return "none"
         return self.commit[:10] + (" (changed)" if self.changed else "")
@@ -45,7 +44,7 @@ SCHEMA_VERSION = 7
 
 
 class ExpectationResult(ResultModel):
-    """What the scenario expects, and what was found."""
+    """Expectation of the scenario, with its outcome."""
 
     tracker: str
     metric: str
@@ -54,35 +53,35 @@ class ExpectationResult(ResultModel):
     value: float | str | None
     passed: bool
     undecided: bool = False
-    """The runs or scenes show neither that it holds nor the opposite; it is not passed then."""
+    """Whether the runs or scenes show neither that it holds nor that it does not; ``passed`` is False then."""
     text: str
 
     @property
     def outcome(self) -> Literal["passed", "undecided", "failed"]:
-        """In a word."""
+        """Outcome in a word."""
         return "passed" if self.passed else "undecided" if self.undecided else "failed"
 
 
 class Summary(ResultModel):
-    """``result.json``"""
+    """Content of ``result.json``."""
 
     schema_version: int = SCHEMA_VERSION
     scenario: ScenarioSummary
     seed: int
     runs: int = Field(ge=1)
-    """Of all scenes together."""
+    """Number of runs of all scenes together."""
     versions: dict[str, str]
     engine: ComputedBy = "numpy"
-    """What computed the built-in trackers."""
+    """Engine that computed the built-in trackers."""
     command: str
     identities: Literal["known", "hidden"] = "known"
-    """hidden: scans do not say of which objects they are, and the result is one of tracks."""
+    """hidden: measurements do not say of which object they are, and trackers are scored by their tracks."""
     fingerprints: list[str]
-    """One a run, of all its measurements: equal fingerprints mean equal measurements."""
+    """Fingerprint of all measurements of each run: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
     reference: ReferenceSummary | None
-    """None where identities are hidden."""
+    """None with hidden identities."""
     score: ScoreSummary
     recorded_run: int
     trackers: list[TrackerResult]
@@ -91,9 +90,9 @@ class Summary(ResultModel):
     passed: bool
     artifacts: dict[str, str]
     tables: dict[str, str] = Field(default_factory=dict)
-    """By the name of each table that was written, the sha256 of its file."""
+    """Sha256 of the file of each written table, by name of the table."""
     provenance: Provenance | None = None
-    """When and of which code it was made; None of a result that was made in memory alone."""
+    """None for a result that was made in memory alone."""
 
     @property
     def has_recording(self) -> bool:
@@ -102,40 +101,40 @@ class Summary(ResultModel):
 
     @property
     def recorded_scene(self) -> int:
-        """Number of the scene that is recorded, from 0; of logs that are cut into stretches, that of the log."""
+        """Number of the recorded scene, from 0; if logs are cut into stretches, number of the log."""
         logs = len(self.truth.scenes) // max(self.truth.log_stretches, 1)
         return self.recorded_run * max(logs, 1) // self.runs
 
     @property
     def made_with(self) -> str:
-        """The versions and the engine, in a line."""
+        """Versions and engine, in a line."""
         versions = ", ".join(f"{name} {number}" for name, number in self.versions.items())
         return f"{versions}; {self.engine_in_words}"
 
     @property
     def engine_in_words(self) -> str:
-        """Such as "numpy engine"."""
+        """Engine in words, such as "numpy engine"."""
         return f"{self.engine} {'engines' if ' and ' in self.engine else 'engine'}"
 
     @property
     def held_against(self) -> ReferenceSummary:
-        """The reference of a result whose identities are known."""
+        """Reference of a result with known identities."""
         assert self.reference is not None
         return self.reference
 
     @property
     def headline(self) -> str:
-        """The metric that trackers are ranked by; without a truth, by nothing, and this one stands first."""
+        """Metric that ranks trackers; without a truth nothing is ranked, and ``track_count`` stands first."""
         if not self.truth.known:
             return "track_count"
         return "position_rmse" if self.identities == "known" else "tgospa"
 
     @property
     def headline_name(self) -> str:
-        """In words."""
+        """Name of the metric that ranks trackers."""
         return "position RMSE" if self.identities == "known" else "T-GOSPA"
 
     @property
     def fingerprint(self) -> str:
-        """Of the measurements of all runs together."""
+        """Fingerprint of the measurements of all runs together."""
         return hashlib.sha256(" ".join(self.fingerprints).encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""What came of a tracker, in ``result.json``."""
+"""Result of one tracker, in ``result.json``."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import Metrics, MetricsByPath, MetricValue, ResultModel
 from trackbench.results.scenario_summary import ReferenceSummary
 
-#: Error over the Cramer-Rao bound below which the bound is beaten: a biased estimator may be a little below it.
+#: Ratio of error to Cramer-Rao bound below which the bound is beaten: a biased estimator may be a little below it.
 LEAST_OVER_BOUND = 0.97
 BEATS_BOUND = "beats the Cramér-Rao bound: it knows more than its measurements say"
-#: How a tracker associates that knows the true origin of each detection.
+#: Association by the true origin of each detection.
 ORACLE = "oracle"
 
 
 class Failure(ResultModel):
-    """Why and where a tracker could not go on."""
+    """Failure of a tracker: cause and place."""
 
     cause: str
     place: str | None = None
@@ -40,16 +40,16 @@ class Failure(ResultModel):
 
 
 class Health(ResultModel):
-    """What went wrong without ending the run; None where the tracker failed before it could be counted."""
+    """Counts of faults that did not end the run; None where the tracker failed before they were counted."""
 
     diverged_runs: int | None = None
     repaired_covariances: int | None = None
     repaired_runs: int | None = None
     non_finite_estimates: int = 0
     missing_estimates: int | None = None
-    """How many of the estimates that were due it did not give; None where identities are hidden."""
+    """Number of due estimates that were not given; None with hidden identities."""
     reused_ids: int | None = None
-    """Identities that were used again after their track had ended; None where identities are known."""
+    """Number of ids that were used again after their track had ended; None with known identities."""
 
 
 class ConditionScores(ResultModel):
@@ -58,7 +58,7 @@ class ConditionScores(ResultModel):
     count: int
     """Number of errors."""
     given: int
-    """Number of errors of an estimate that the tracker gave."""
+    """Number of errors of given estimates; the others are charged for missing estimates."""
     runs: int
     metrics: Metrics = Field(default_factory=MetricsByPath)
     """Errors, the NEES and its parts along and across the motion, and shares of the NEES beyond points of chi-square
@@ -66,20 +66,19 @@ class ConditionScores(ResultModel):
 
 
 class FiledRows(ResultModel):
-    """What was taken of a file of tracks."""
+    """Rows of a file of tracks that were scored or left out."""
 
     rows: int
-    """In the file."""
     outside: int
-    """Of the runs that were scored, those outside the time of the truth, which are left out."""
+    """Number of rows of scored runs outside the time of the truth, which are left out."""
     silent_runs: int
-    """Runs of which there are none: what is due in them is missed."""
+    """Number of runs without a row: what is due in them is missed."""
     remarks: tuple[str, ...] = ()
     """Contradictions within the file or with the truth, each with what to do about it."""
 
 
 class TrackerResult(ResultModel):
-    """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse``."""
+    """Result of one tracker. Its metrics are attributes: ``tracker.position_rmse``."""
 
     if TYPE_CHECKING:
         # The built-in metrics; those of plug-ins are in ``metrics``, as are those of sensors and components.
@@ -110,67 +109,66 @@ class TrackerResult(ResultModel):
 
     name: str
     place: int = 0
-    """Number in the scenario file, from 0, which gives the colour."""
+    """Place in the scenario file, from 0, which gives the colour."""
     describe: str
     association: str | None = None
-    """How a built-in tracker of several objects associates; None of any other."""
+    """Association of a built-in tracker with hidden identities; None for any other tracker."""
     baseline: bool = False
-    """Whether it filters nothing, which is what any tracker has to beat."""
+    """Whether it filters nothing, as the least that any tracker has to beat."""
     sensors: list[str] | None = None
-    """Names of those that it reads; None: all."""
+    """Names of the sensors that the tracker uses; None for all."""
     confirmation: str | None = None
-    """What confirms its tracks, such as "3 of 5"; None of any other."""
+    """Rule that confirms tracks, such as "3 of 5"; None for a tracker without one."""
     smoother: str | None = None
-    """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
+    """Smoother of a built-in filter, whose estimates use all measurements of the run; None for any other tracker."""
     engine: ComputedBy | None = None
-    """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
+    """Engine that computed a built-in filter; None for any other tracker, and in results that do not say it."""
     random: bool = False
-    """Whether it says that it draws random numbers, so that it is not asked again."""
+    """Whether the tracker declares that it draws random numbers, so that no second drive checks its estimates."""
     offline: bool = False
-    """Whether its tracks were made elsewhere: nothing shows that they were made without the measurements to come."""
+    """Whether its tracks were made elsewhere: nothing shows that they were made without later measurements."""
     paired: bool = True
-    """False of tracks made elsewhere that do not say of which scans: they are compared with no tracker."""
+    """False for tracks made elsewhere from unknown scans, which are compared with no tracker."""
     time_offset: MetricValue | None = None
-    """Of tracks made elsewhere, what has to be added to their time stamps for the least error along the path, beside a
-    shift along it, s."""
+    """Time to add to the time stamps of tracks made elsewhere for the least error along the path, s; a constant shift
+    along the path is allowed for."""
     offset_shown: bool = False
     """Whether the interval of the offset excludes 0, and the offset is a part of the error that matters."""
     filed: FiledRows | None = None
-    """Of tracks made elsewhere."""
+    """Rows of the file of tracks made elsewhere; None for any other tracker."""
     failed: Failure | None
     metrics: Metrics
-    """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
+    """Metrics by dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
     health: Health
     conditions: dict[str, ConditionScores] = Field(default_factory=dict)
     """Scores of all estimates, named "", and under each condition that occurred, such as "manoeuvre: braking" or
-    "range: 20 to 50 m". Empty where identities are hidden."""
+    "range: 20 to 50 m". Empty with hidden identities."""
 
     @property
     def reference_kind(self) -> str:
-        """In a word, why it is no competitor: it knows what no tracker knows. Empty of one that is a competitor."""
+        """Kind of reference, if the tracker knows what no tracker can know; empty for a competitor."""
         if self.smoother is not None:
             return "offline"
         return "reference" if self.association == ORACLE else ""
 
     @property
     def is_reference(self) -> bool:
-        """Whether it is no competitor."""
         return bool(self.reference_kind)
 
     @property
     def below_reference(self) -> bool:
-        """Whether its position error is shown to be below the reference, by more than ``LEAST_OVER_BOUND`` allows."""
+        """Whether the position error over the reference is shown to be below ``LEAST_OVER_BOUND``."""
         ratio = self.metrics.get("position_over_reference")
         return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
 
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
-        """Whether it is no smoother, and shown to be below a Cramer-Rao bound of motion that no tracker can expect."""
+        """Return whether a tracker that is no reference is shown to be below the Cramer-Rao bound of random motion."""
         is_drawn = reference is not None and reference.kind == "bound" and reference.acceleration_sigma_mps2 > 0
         return is_drawn and self.below_reference and not self.is_reference
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """What a reader must know beside its name, in words."""
+        """Words that stand beside the tracker's name, such as "random"."""
         words = self.reference_kind, "random" if self.random else "", "offline" if self.offline else ""
         return tuple(filter(None, words))
 
@@ -184,7 +182,7 @@ class TrackerResult(ResultModel):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}; {hint}")
 
     def __dir__(self) -> list[str]:
-        """Return the names of its metrics and fields, without the methods of pydantic."""
-        own = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
+        """Return the names of metrics and fields, without the methods of pydantic."""
+        methods = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
         properties = [name for name, value in vars(type(self)).items() if isinstance(value, property)]
-        return [*(path for path in self.metrics if path.isidentifier()), *type(self).model_fields, *own, *properties]
+        return [*filter(str.isidentifier, self.metrics), *type(self).model_fields, *methods, *properties]
