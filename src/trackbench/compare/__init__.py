@@ -1,4 +1,8 @@
-"""Finished results held against each other: trackers of a run, versions of a tracker, trackers over scenarios."""
+"""Comparison of finished results: trackers of a run, versions of a tracker, trackers over scenarios.
+
+Sets of results come in. A ``Comparison`` goes out: paired differences, ranks and the outcome of limits. Read
+``assembly.py`` first.
+"""
 
 from trackbench.compare.assembly import compare_results
 from trackbench.compare.comparison import Comparison, Entrant, PairDifference, load_comparison

@@ -1,4 +1,4 @@
-"""One comparison, of whatever results are given: who is ahead in which world, and the commands that make it again."""
+"""Assembly of a comparison from sets of results, with the order in worlds and the commands that repeat it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from trackbench.results import Result, merged_places
 def orders(
     cells: Iterable[ScenarioResults], ranked_by: str, scores: Sequence[EntrantScore], pairings: Pairings
 ) -> list[OrderInWorlds]:
-    """Each pair of trackers of each scenario that has several worlds, in the order of their errors in the first."""
+    """Return the order of each pair of trackers in scenarios with several worlds, by the errors in the first world."""
     by_base: dict[str, dict[str, str]] = {}
     for cell in cells:
         scenario = cell.entries[0].result.summary.scenario
@@ -55,24 +55,23 @@ def orders(
             by_base.setdefault(scenario.base, {})[scenario.world] = cell.scenario
     result = []
     for base, worlds in by_base.items():
-        first, *others = (_errors(scores, name, ranked_by) for name in worlds.values())
-        names = [name for name in sorted(first, key=first.__getitem__) if all(name in other for other in others)]
-        for a, b in combinations(names, 2) if others else ():
+        first, *later = (_contender_errors(scores, name, ranked_by) for name in worlds.values())
+        names = [name for name in sorted(first, key=first.__getitem__) if all(name in errors for errors in later)]
+        for a, b in combinations(names, 2) if later else ():
             ahead = {world: pairings.better(name, a, b) for world, name in worlds.items()}
             result.append(OrderInWorlds(scenario=base, a=a, b=b, ahead=ahead))
     return result
 
 
-def _errors(scores: Sequence[EntrantScore], scenario: str, metric: str) -> dict[str, float]:
-    """Of the contenders of a scenario."""
-    own = [score for score in scores if score.scenario == scenario and score.rank is not None and not score.reference]
-    return {score.entrant.tracker: value for score in own if (value := score.value(metric)) is not None}
+def _contender_errors(scores: Sequence[EntrantScore], scenario: str, metric: str) -> dict[str, float]:
+    ranked = [item for item in scores if item.scenario == scenario and item.rank is not None and not item.reference]
+    return {score.entrant.tracker: value for score in ranked if (value := score.value(metric)) is not None}
 
 
 def commands(
     sets: Sequence[ResultSet], metrics: Sequence[str], trackers: Sequence[str] | None, limits: Sequence[Limit]
 ) -> list[str]:
-    """One for each run, and one for the comparison; none where a result does not say how it was made."""
+    """Return the command of each run, and of the comparison; empty if a result does not say how it was made."""
     if not all(entry.result.summary.command for item in sets for entry in item.entries):
         return []
     places = [_places(item) for item in sets]
@@ -89,7 +88,7 @@ def commands(
 
 
 def _places(item: ResultSet) -> tuple[Path, Path]:
-    """The folder into which the runs of a set are written, and what a comparison names then."""
+    """Return the folder that the runs of a set are written to, and the path that the comparison names."""
     path = Path(item.label)
     path = path.parent if path.suffix == ".json" else path
     if len(item.entries) > 1 or item.entries[0].label != item.label:
@@ -106,22 +105,22 @@ def compare_results(
     trackers: Sequence[str] | None = None,
     limits: Sequence[Limit] = (),
 ) -> Comparison:
-    """Compare the trackers of one set of results with each other, or of several, each with that of the first.
+    """Compare the trackers of one set of results with each other, or the trackers of several sets with the first set's.
 
     A set holds the results of different scenarios; one result is a set too. Results of the same scenario are compared
-    over the runs with the same measurements, if there are any. Where each of two results has a single tracker, those
-    are compared whatever their names. Scenarios that another metric ranks are compared apart; those without a truth are
-    not.
+    over the runs with the same measurements, if there are any. If two results have a single tracker each, these are
+    compared whatever their names. Scenarios that different metrics rank are compared separately; scenarios without a
+    truth are not compared.
 
     Args:
         results: the sets; the first is the baseline.
-        metrics: what to compare by where the scenarios have it, beside those of the limits; else, and unless given,
-            ``position_rmse``, or ``tgospa`` where identities are hidden.
-        trackers: names of those to compare; all unless given.
+        metrics: metrics to compare by, beside those of the limits; scenarios without any of them, and by default all
+            scenarios, are compared by ``position_rmse``, or ``tgospa`` with hidden identities.
+        trackers: names of the trackers to compare; None for all.
         limits: how much worse the trackers of the later sets may be.
 
     Raises:
-        InputError: results that cannot be compared, a name that is not there, nothing to compare.
+        InputError: results cannot be compared, a name is unknown, or nothing is left to compare.
     """
     sets = [_set_of(number, item) for number, item in enumerate(results)]
     cells, left_out = cells_of(sets)
@@ -140,26 +139,26 @@ def compare_results(
         for number, entry in cell.entries.items()
     }
     if limits:
-        limited = [own[limit.metric] for own in by_path for limit in limits if limit.metric in own]
+        limited = [metric_of[limit.metric] for metric_of in by_path for limit in limits if limit.metric in metric_of]
         _require_judgeable(sets, cells, compared, chosen, limited)
     comparisons, notes = [], [*left_out, *engine_notes(sets, compared)]
     what = "only one tracker" if len(sets) == 1 else "no tracker of the same name in the first result and a later one"
-    for group, own in zip(groups, by_path, strict=True):
-        comparison = _comparison([item.label for item in sets], group, own, wanted, limits, chosen)
+    for group, metric_of in zip(groups, by_path, strict=True):
+        comparison = _comparison([item.label for item in sets], group, metric_of, wanted, limits, chosen)
         if comparison is not None:
             comparisons.append(comparison)
         else:
             notes.append(f"{group.scenarios} not compared: {what}")
-        absent = [limit.metric for limit in limits if limit.metric not in own]
+        absent = [limit.metric for limit in limits if limit.metric not in metric_of]
         notes += [f"no {metric} in {group.scenarios}, so its limit says nothing of it" for metric in absent]
     if not comparisons:
         raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
-    first, *others = comparisons
-    shown = {name for own in chosen.values() for name in own}
+    first, *other_groups = comparisons
+    shown = {name for members in chosen.values() for name in members}
     places = merged_places(entry.result for item in sets for entry in item.entries)
     origins = origins_of_sets(len(sets), cells, trackers)
     update = {
-        "other_groups": others,
+        "other_groups": other_groups,
         "origins": origins,
         "places": {name: place for name, place in places.items() if name in shown},
         "without_truth": without_truth,
@@ -177,7 +176,7 @@ def _comparison(
     limits: Sequence[Limit],
     chosen: Mapping[tuple[str, int], list[str]],
 ) -> Comparison | None:
-    """Of the scenarios of one group; None where no two trackers are held against each other."""
+    """Compare the scenarios of one group; None where no two trackers are compared."""
     cells, ranked_by, single = group.cells, group.ranked_by, len(sets) == 1
     wanted = [path for path in wanted if path in metrics] or [ranked_by]
     limits = [limit for limit in limits if limit.metric in metrics]
@@ -195,7 +194,7 @@ def _comparison(
     differing, missing = judged_differences(matches, compared, over_scenarios=not single, limits=allowed)
     pairings = None
     if single:
-        # Which tracker is better where, whatever metrics are compared.
+        # Trackers are paired by the metric that ranks, whatever metrics are compared.
         by_rank = differing
         if wanted != [ranked_by]:
             by_rank, _ = judged_differences(matches, [metrics[ranked_by]], over_scenarios=False)
@@ -236,7 +235,7 @@ def _comparison(
 def _baseline(
     cells: Sequence[ScenarioResults], chosen: Mapping[tuple[str, int], list[str]], order: Sequence[RankedTracker]
 ) -> str | None:
-    """The tracker that the others are held against over scenarios: the stated one of all of them, else the best."""
+    """Return the tracker that the others are compared with: the one that all scenarios state, else the best."""
     stated = {cell.entries[0].result.summary.score.baseline for cell in cells}
     name = stated.pop() if len(stated) == 1 else None
     if name is not None and all(name in chosen[cell.scenario, 0] for cell in cells):
@@ -259,12 +258,12 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
 
 
 def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Sequence[Mapping[str, Metric]]) -> None:
-    """Make sure that each metric that is named has a value in each run of some scenarios, and limits a direction."""
+    """Make sure that each named metric has values by run in some scenario, and limited metrics a better direction."""
     for path in wanted:
         limited = any(limit.metric == path for limit in limits)
-        metrics = [own[path] for own in by_path if path in own]
+        metrics = [metric_of[path] for metric_of in by_path if path in metric_of]
         if not metrics:
-            hint = nearest_choices(path, {name for own in by_path for name in own})
+            hint = nearest_choices(path, {name for metric_of in by_path for name in metric_of})
             raise InputError(f"{path!r} is not compared run by run; {hint}", key=OPTION if limited else "--metric")
         if limited and any(metric.better is None for metric in metrics):
             raise InputError(f"neither a larger nor a smaller {path} is better; state expectations", key=OPTION)
@@ -291,8 +290,7 @@ def _require_judgeable(
     """Make sure that no regression could pass unseen.
 
     Raises:
-        InputError: there is no later set, a result without an interval, or a scenario or tracker that a later set
-            lacks.
+        InputError: there is no later set, a result gives no interval, or a later set lacks a scenario or tracker.
     """
     if len(sets) < 2:
         raise InputError("needs two results: the baseline, and a later one", key=OPTION)
@@ -342,7 +340,6 @@ def _notes(
     chosen: Mapping[tuple[str, int], list[str]],
     single: bool,
 ) -> Iterator[str]:
-    """What a reader must know beside the differences."""
     if any(entry.result.summary.runs == 1 and entry.stretches < 2 for cell in cells for entry in cell.entries.values()):
         yield "one run is compared by nothing but its values"
     compared = {

@@ -1,4 +1,4 @@
-"""The scenarios of a comparison, whether two results can be compared, and over which runs."""
+"""Scenarios of a comparison: whether two results can be compared, and over which runs."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class ScenarioResults:
 
     @property
     def ranked_by(self) -> str | None:
-        """The metric that ranks its trackers; None without a truth.
+        """Metric that ranks its trackers; None without a truth.
 
         Raises:
-            InputError: another metric ranks those of another result.
+            InputError: different metrics rank the trackers of different results.
         """
-        first, *others = self.entries.values()
+        first, *later = self.entries.values()
         ours = first.result.summary
-        for entry in others:
+        for entry in later:
             theirs = entry.result.summary
             if theirs.headline != ours.headline:
                 reason = f"identities are {theirs.identities} here and {ours.identities} there"
@@ -56,18 +56,18 @@ class Group:
 
     @property
     def scenarios(self) -> str:
-        """Their names."""
+        """Names of the scenarios."""
         return ", ".join(cell.scenario for cell in self.cells)
 
     def metrics(self) -> dict[str, Metric]:
-        """Those that its results have a value of in each run, by path.
+        """Return the metrics with a value in each run, by path.
 
         Raises:
-            InputError: the one that ranks is none of them.
+            InputError: the metric that ranks is none of them.
         """
         summaries = [entry.result.summary for cell in self.cells for entry in cell.entries.values()]
-        own = [metric for summary in summaries for metric in summary.score.metrics]
-        metrics = compared_metrics(own, built_in=summaries[0].identities == "known")
+        of_results = [metric for summary in summaries for metric in summary.score.metrics]
+        metrics = compared_metrics(of_results, built_in=summaries[0].identities == "known")
         if self.ranked_by not in metrics:
             problem = f"not a result: {self.ranked_by} is none of its metrics"
             raise InputError(problem, file=self.cells[0].entries[0].label)
@@ -75,7 +75,7 @@ class Group:
 
 
 def cells_of(sets: Sequence[ResultSet]) -> tuple[list[ScenarioResults], list[str]]:
-    """The scenarios that are compared, and which are not."""
+    """Return the scenarios that are compared, and notes on those that are not."""
     if all(len(item.entries) == 1 for item in sets):
         first = sets[0].entries[0].result.name
         return [ScenarioResults(first, {number: item.entries[0] for number, item in enumerate(sets)})], []
@@ -96,10 +96,10 @@ def cells_of(sets: Sequence[ResultSet]) -> tuple[list[ScenarioResults], list[str
 
 
 def groups_of_cells(cells: Sequence[ScenarioResults]) -> tuple[list[Group], list[str]]:
-    """The scenarios by the metric that ranks, and the names of those without a truth.
+    """Group the scenarios by the metric that ranks; return the names of those without a truth too.
 
     Raises:
-        InputError: none can.
+        InputError: no scenario has a truth.
     """
     ranked: dict[str, list[ScenarioResults]] = {}
     without: list[ScenarioResults] = []
@@ -113,16 +113,16 @@ def groups_of_cells(cells: Sequence[ScenarioResults]) -> tuple[list[Group], list
 
 
 class StoredMetric(Metric):
-    """A metric of a result whose class need not be here: the mean of its column in the table of runs."""
+    """Metric of a result, without its class: the mean of its column in the table of runs."""
 
     def finish(self, sums: Any) -> NoReturn:
         raise NotImplementedError
 
 
-def compared_metrics(own: Sequence[MetricSummary], *, built_in: bool) -> dict[str, Metric]:
-    """The metrics that have a value in each run, by path: the results' own, and the built-in ones or none."""
+def compared_metrics(of_results: Sequence[MetricSummary], *, built_in: bool) -> dict[str, Metric]:
+    """Return the metrics with a value in each run, by path: those of the results, and if wanted the built-in ones."""
     metrics: list[Metric] = [metric for metric in BUILT_IN if metric.columns] if built_in else []
-    for item in own:
+    for item in of_results:
         if not item.per_sensor:
             of_tracks = None if built_in else TRACK_METRICS.get(item.name)
             metrics.append(of_tracks or stored_metric(item))
@@ -130,7 +130,7 @@ def compared_metrics(own: Sequence[MetricSummary], *, built_in: bool) -> dict[st
 
 
 def stored_metric(summary: MetricSummary) -> StoredMetric:
-    """A metric as a result describes it."""
+    """Make a metric from its description in a result."""
     members = {name: getattr(summary, name) for name in ("name", "unit", "meaning", "better", "compared")}
     members["__module__"] = __name__
     metric: StoredMetric = new_class(summary.name, (StoredMetric,), {}, lambda body: body.update(members))()
@@ -139,36 +139,36 @@ def stored_metric(summary: MetricSummary) -> StoredMetric:
 
 IntArray = NDArray[np.intp]
 
-#: What of the truth's table makes the motion of the targets.
+#: Columns of the table of the truth that hold the motion of the targets.
 MOTION = ("object", "time_s", "px_m", "py_m", "vx_mps", "vy_mps")
-#: Fewer runs than these have no spread.
+#: Least number of shared runs for a paired comparison.
 FEWEST = 2
 
 
 @dataclass(frozen=True)
 class Comparability:
-    """How two results are compared."""
+    """Way in which two results are compared."""
 
     shared: tuple[IntArray, IntArray] | None
     """Numbers of the runs with the same measurements in both, over which they are paired: in the baseline, and in the
     later result. None for two independent samples."""
     reason: str
-    """Why."""
+    """Reason for this way."""
 
     @classmethod
     def of_all(cls, runs: int, reason: str) -> Comparability:
-        """All runs of both, number by number."""
+        """Pair all runs of both results by their numbers."""
         return cls((np.arange(runs), np.arange(runs)), reason)
 
 
 def comparability(baseline: Entry, later: Entry) -> Comparability:
-    """How two results are compared.
+    """Return how two results are compared.
 
-    The trackers, the number of runs, the seed and the scenario's name may differ; what is tracked, what it is seen with
-    and which errors count may not. Equal fingerprints of a run show that every measurement of it was the same.
+    The trackers, the number of runs, the seed and the scenario's name may differ. The objects, the sensors and the
+    scoring must be the same. Equal fingerprints of a run show that all its measurements were the same.
 
     Raises:
-        InputError: they are not comparable; with the reason.
+        InputError: the results are not comparable; with the reason.
     """
     for reason in _obstacles(baseline, later):
         raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
@@ -180,19 +180,19 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
             raise InputError("fingerprints: not one of each run", file=entry.label)
     places = {place: number for number, place in enumerate(_places(later))}
     both = [(number, places[place]) for number, place in enumerate(_places(baseline)) if place in places]
-    equal = [(here, there) for here, there in both if ours[here] == theirs[there]]
+    equal = [(first, second) for first, second in both if ours[first] == theirs[second]]
     if len(equal) < FEWEST:
-        return Comparability(None, _noise(baseline, later))
+        return Comparability(None, _reason_for_other_noise(baseline, later))
     which = f"{counted(len(equal), 'run')} of {len(theirs)} here and {len(ours)} there"
-    here, there = np.array(equal).T
-    return Comparability((here, there), f"over the {which} with equal fingerprints")
+    first, second = np.array(equal).T
+    return Comparability((first, second), f"over the {which} with equal fingerprints")
 
 
 def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
-    """Make sure that a metric that is not built in is the same in both, where both have it.
+    """Make sure that a metric that is not built in is the same in both results, if both have it.
 
     Raises:
-        InputError: its unit, its better direction or an option differs.
+        InputError: the unit, the better direction or an option of the metric differs.
     """
     ours, theirs = _own_metric(baseline, path), _own_metric(later, path)
     for key, before, now in differing(ours, theirs) if ours and theirs else ():
@@ -201,7 +201,7 @@ def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
 
 
 def engine_notes(sets: Sequence[ResultSet], cells: Sequence[ScenarioResults]) -> Iterator[str]:
-    """Each later set that another engine computed than the baseline: its values may be compared all the same."""
+    """Name each later set that another engine computed than the baseline; it is compared all the same."""
     for number, later in enumerate(sets[1:], 1):
         both = [(cell.entries[0], cell.entries[number]) for cell in cells if number in cell.entries]
         engines = [[entry.result.summary.engine_in_words for entry in pair] for pair in both]
@@ -211,7 +211,7 @@ def engine_notes(sets: Sequence[ResultSet], cells: Sequence[ScenarioResults]) ->
 
 
 def _places(entry: Entry) -> list[tuple[int, int]]:
-    """The scene of each run, and its number in it."""
+    """Return the scene of each run, and the number of the run in it."""
     summary = entry.result.summary
     in_scene = summary.runs // max(1, len(summary.truth.scenes))
     return [divmod(number, in_scene) for number in range(summary.runs)]
@@ -237,14 +237,14 @@ def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
 
 
 def _stated(scenario: ScenarioConfig) -> dict[str, Any]:
-    """What must be the same: the truth, the sensors, and which errors count."""
+    """Return the options that must be the same: truth, sensors and scoring."""
     options = scenario.model_dump(mode="json", include={"truth", "sensors", "sensing"})
     score = {key: getattr(scenario.score, key) for key in ("settle_s", "point", "cutoff_m", "switch_costs_s")}
     return {**options, "score": score}
 
 
 def _own_metric(entry: Entry, path: str) -> dict[str, Any] | None:
-    """What must be the same of a metric that is not built in; None where the result has none of this name."""
+    """Return what must be the same of a metric that is not built in; None where the result does not have it."""
     for metric in entry.result.summary.score.metrics:
         if metric.name == path:
             return {"unit": metric.unit, "better": metric.better, **metric.options}
@@ -258,7 +258,7 @@ def _motion(table: pa.Table) -> pa.Table | None:
 
 
 def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
-    """Whether two motions are the same but for rounding: positions to a micrometre."""
+    """Return whether two motions are the same but for rounding: positions to a micrometre."""
     if ours is None or theirs is None or len(ours) != len(theirs):
         return False
     if ours["object"].to_pylist() != theirs["object"].to_pylist():
@@ -267,8 +267,8 @@ def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
     return all(np.allclose(a, b, rtol=0.0, atol=1e-6, equal_nan=True) for a, b in pairs)
 
 
-def _noise(baseline: Entry, later: Entry) -> str:
-    """Why the measurements of comparable results are not the same."""
+def _reason_for_other_noise(baseline: Entry, later: Entry) -> str:
+    """Return why the measurements of comparable results are not the same."""
     a, b = baseline.result.summary, later.result.summary
     pairs = {"seed": (a.seed, b.seed), "name": (a.scenario.name, b.scenario.name)}
     reasons = [f"{what} {theirs} here and {ours} there" for what, (ours, theirs) in pairs.items() if ours != theirs]

@@ -1,4 +1,4 @@
-"""What a comparison found: the data that pages, terminals and gates show, and that is kept as JSON."""
+"""Outcome of a comparison: the data that pages, terminals and gates show, and that is kept as JSON."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from trackbench.results import MetricValue
 from trackbench.results.metric_value import ResultModel, read_model
 
 SCHEMA_VERSION = 4
-#: Metrics that are times of computing: the same results on another machine have others, so no file keeps them.
+#: Metrics of computing time: they differ between machines, so no file keeps them.
 TIMES = ("step_time",)
-#: Significant digits that are kept: what differs from machine to machine is far behind them.
+#: Significant digits that are kept: machines differ only in digits far behind.
 DIGITS = 4
 
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
-#: What is said of a difference, turned round.
+#: Verdict on a difference with its sign reversed.
 _TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller": "larger"}
 
 
@@ -31,24 +31,24 @@ class Entrant(ResultModel):
 
     tracker: str
     set: int = 0
-    """Number of the set, in the order given; 0 is the baseline."""
+    """Number of the set, in the order given; 0 for the baseline."""
 
 
 class ComparedResult(ResultModel):
-    """One result that takes part."""
+    """One result of a comparison."""
 
     set: int
     label: str
-    """Its folder, as the user named it."""
+    """Folder of the result, as the user named it."""
     runs: int
     seed: int
     expectations: int
     expectations_met: int
     shared_runs: int | None = None
-    """Number of runs with the measurements that the baseline's had too, over which the differences are paired; None
-    where they are not paired."""
+    """Number of runs with the measurements of a run of the baseline, over which the differences are paired; None where
+    they are not paired."""
     reason: str = ""
-    """Why they are paired, or not; empty for the baseline."""
+    """Reason why the differences are paired, or not; empty for the baseline."""
 
 
 class ComparedScenario(ResultModel):
@@ -60,45 +60,45 @@ class ComparedScenario(ResultModel):
 
 
 class SetOrigin(ResultModel):
-    """When a set of results was made, and of what."""
+    """Origin of a set of results: time and code."""
 
     set: int
     made_at: str | None
-    """When the last of its runs began: UTC, ISO 8601; None in results of earlier versions."""
+    """Time at which the last of its runs began: UTC, ISO 8601; None in results of earlier versions."""
     commit: str | None
     """Commit of the repository that holds the scenarios; None without one."""
     changes: list[str]
-    """What else changed since the set before, as the results state: versions, engine, trackers, scenario, code, commit;
-    empty for the baseline."""
+    """Changes since the previous set, as the results state: versions, engine, trackers, scenario, code, commit; empty
+    for the baseline."""
 
 
 class EntrantScore(ResultModel):
-    """What an entrant reached in a scenario."""
+    """Score of an entrant in a scenario."""
 
     scenario: str
     entrant: Entrant
     metrics: dict[str, MetricValue]
-    """Those that have a value, by path."""
+    """Metrics with a value, by path."""
     diverged_runs: int
     rank: float | None
-    """By the metric that ranks, in a set that is compared alone: one, and one for each tracker that is shown to be
-    better by more than the margin, a half for each where neither is. None without a score, and with several sets."""
+    """Rank in a single set: one, plus one for each tracker that is shown to be better by more than the margin, plus a
+    half for each where neither is better. None without a score, and with several sets."""
     leading: bool
     """Whether it is the best of the scenario, or was compared with the best and not shown to be worse by more than the
     margin."""
     failure: str = ""
-    """Why there is no score."""
+    """Reason for a missing score."""
     reference: bool = False
-    """Whether it knows which detection is whose, or later measurements, so that the others are ranked without it."""
+    """Whether it knows the origin of detections, or later measurements, so that the others are ranked without it."""
 
     def value(self, metric: str) -> float | None:
-        """The value of a metric, None where there is none."""
+        """Return the value of a metric, None if it has none."""
         value = self.metrics.get(metric)
         return None if value is None else value.value
 
 
 class PairDifference(ResultModel):
-    """A metric of one entrant minus that of another, in one scenario."""
+    """Value of a metric for an entrant minus the value for another entrant, in one scenario."""
 
     scenario: str
     metric: str
@@ -106,41 +106,41 @@ class PairDifference(ResultModel):
     entrant: Entrant
     against: Entrant
     value: float
-    """Of the entrant, over the runs that are compared."""
+    """Value of ``entrant`` over the runs that are compared."""
     reference: float
-    """Of the one that it is held against."""
+    """Value of ``against`` over the runs that are compared."""
     difference: float
     ci95: tuple[float, float] | None
-    """Of the difference; None with fewer than two runs."""
+    """Interval of the difference; None with fewer than two runs."""
     margin: float
-    """Up to this a difference does not matter: that of the baseline, and not more than a limit."""
+    """Largest difference that does not matter: the margin of the baseline, or a smaller limit."""
     p_value: float
-    """Of the hypothesis that the difference is within the margin, corrected for the number of differences."""
+    """P-value of the hypothesis that the difference is within the margin, corrected for the number of differences."""
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
     stretches: int | None = None
-    """Number of stretches of time of a single run or of few logs, where these are what is independent."""
+    """Number of stretches of time of a single run or of few logs, where these are the independent parts."""
     without_charged: float | None = None
-    """The same over the estimates that were given alone, where over a tenth of the squared error of either is charged
-    for missing ones. Neither is called better where this has the other sign."""
+    """Difference over the given estimates alone, where over a tenth of either squared error is charged for missing
+    estimates. Neither entrant is called better where its sign differs."""
     scenes: int
-    """Number of scenes that the runs are of; with several, the scenes are what is independent."""
+    """Number of scenes of the runs; several scenes are the independent parts."""
     few_scenes_decide: bool = False
     """Whether one scene of a hundred may decide."""
     scenes_in_words: str = ""
-    """Number and kind of the scenes, such as "6 sequences"; empty where there is one scene."""
+    """Number and kind of the scenes, such as "6 sequences"; empty for one scene."""
     repeatable: bool = False
-    """With a limit: whether both are of the same recorded data, in which nothing is drawn."""
+    """With a limit: whether both results are of the same recorded data, in which nothing is drawn."""
     verdict: str
     """One of :data:`trackbench.metrics.differences.VERDICTS`."""
     scenes_ahead: tuple[int, int] | None = None
-    """Number of scenes in which the entrant is the better one of the two, and of all; None where there is one scene."""
+    """Number of scenes in which the entrant is better, and number of all scenes; None for one scene."""
     log_ratio: LogRatio | None = None
-    """Logarithm of the ratio of the value to the reference, its standard error and degrees of freedom, from which
-    scenarios are pooled; None where one is not positive."""
+    """Logarithm of the ratio of the value to the reference, from which scenarios are pooled; None where one of them is
+    not positive."""
 
     def turned(self) -> PairDifference:
-        """Return the difference of the other one to this one."""
+        """Return the difference with both entrants exchanged."""
         ratio, ahead = self.log_ratio, self.scenes_ahead
         return self.model_copy(
             update={
@@ -158,12 +158,12 @@ class PairDifference(ResultModel):
 
     @property
     def percent(self) -> float | None:
-        """The difference in percent of the reference; None where that is zero."""
+        """Difference in percent of the reference; None for a reference of zero."""
         return 100.0 * self.difference / abs(self.reference) if self.reference else None
 
     @property
     def percent_ci95(self) -> tuple[float, float] | None:
-        """The interval of the difference in percent of the reference."""
+        """Interval of the difference in percent of the reference, which is taken as known."""
         if self.ci95 is None or not self.reference:
             return None
         low, high = (100.0 * end / abs(self.reference) for end in self.ci95)
@@ -171,24 +171,23 @@ class PairDifference(ResultModel):
 
     @property
     def ratio_ci95(self) -> tuple[float, float] | None:
-        """The interval of the ratio less one, in percent: also where the reference is less sure than the difference."""
+        """Interval of the ratio less one, in percent; it allows for the uncertainty of the reference too."""
         ratio = self.log_ratio
         if ratio is None or ratio.error is None:
             return None
         reach = stdtrit(ratio.freedom, 0.975) * ratio.error
-        low, high = (float(100.0 * np.expm1(ratio.value + side)) for side in (-reach, reach))
-        return low, high
+        return as_percent(ratio.value - reach), as_percent(ratio.value + reach)
 
     @property
     def identical(self) -> bool:
-        """Whether the two had the same value in every run, but for rounding."""
+        """Whether both entrants had the same value in every run, but for rounding."""
         reach = max(abs(self.value), abs(self.reference)) * ROUNDING
         ends = self.ci95 or (self.difference,)
         return self.paired_runs is not None and max(map(abs, ends)) <= reach
 
 
 class NotCompared(ResultModel):
-    """What could not be compared."""
+    """Pair of entrants that could not be compared by a metric."""
 
     scenario: str
     metric: str
@@ -196,11 +195,11 @@ class NotCompared(ResultModel):
     against: Entrant
     reason: str
     of_entrant: bool
-    """Whether it is the entrant that has no value, and the other one has."""
+    """Whether only ``entrant`` has no value."""
 
 
 class OverallChange(ResultModel):
-    """A metric of an entrant against the baseline, over all scenarios in which both have it; it speaks of these."""
+    """Change of a metric of an entrant against the baseline, over the scenarios in which both have a value."""
 
     metric: str
     entrant: Entrant
@@ -208,7 +207,7 @@ class OverallChange(ResultModel):
     verdicts: dict[str, int]
     """Number of scenarios by verdict."""
     mean_percent: float | None
-    """The geometric mean of the ratios less one, in percent; None where a value is not positive."""
+    """Geometric mean of the ratios less one, in percent; None where a value is not positive."""
     ci95: tuple[float, float] | None = None
     """95 % interval of ``mean_percent``, over other noise and scenes of these scenarios. None where a scenario's
     difference has no interval, and where both trackers have the same value in every run."""
@@ -224,34 +223,33 @@ class RankedTracker(ResultModel):
     """95 % interval of the mean rank. None where there are too few trackers or sets of scenes for it, and where it has
     no width or covers all ranks."""
     won: int
-    """Pairings with another tracker in a scenario in which its error is shown to be smaller by more than the margin."""
+    """Number of pairings in a scenario in which its error is shown to be smaller by more than the margin."""
     lost: int
     tied: int
-    """Those in which neither is."""
+    """Number of pairings in which neither error is shown to be smaller."""
     consistent_scenarios: int
-    """Scenarios in which its covariance is as large as its errors."""
+    """Number of scenarios in which the covariance is as large as the errors."""
     judged_scenarios: int
-    """Scenarios in which that could be judged."""
+    """Number of scenarios with a verdict on the covariance."""
     diverged_runs: int
     failed_scenarios: int
-    """Scenarios without a score."""
     reference: bool = False
-    """Whether it is no competitor: its rank is that which it would have, and it stands after the others."""
+    """Whether it is no competitor: it stands after the others, with the rank that it would have."""
 
 
 class RankDifference(ResultModel):
-    """The mean rank of one tracker against that of another."""
+    """Test of the mean ranks of two trackers."""
 
     a: str
     b: str
     p_value: float
-    """Of the hypothesis that both have the same expected rank in a scenario, corrected for the number of pairs."""
+    """P-value of the hypothesis of equal expected ranks in a scenario, corrected for the number of pairs."""
     shown: bool
-    """Whether they are shown to differ."""
+    """Whether the mean ranks are shown to differ."""
 
 
 class GateResult(ResultModel):
-    """A limit on how much worse a metric may be, held against one tracker of a later set in one scenario."""
+    """Outcome of a limit on how much worse a metric may be, for one tracker of a later set in one scenario."""
 
     scenario: str
     entrant: Entrant
@@ -260,24 +258,23 @@ class GateResult(ResultModel):
     outcome: GateOutcome
     """Outcome by the rule of :func:`trackbench.compare.limits.gate_results`; ``error``: the entrant has no value."""
     text: str
-    """What was found, in one line."""
 
 
 class OrderInWorlds(ResultModel):
-    """Which of two trackers is ahead in each world of a scenario."""
+    """Order of two trackers in each world of a scenario."""
 
     scenario: str
-    """Without the world."""
+    """Name of the scenario without its world."""
     a: str
-    """The better one of the two in the first world."""
+    """Tracker with the smaller error in the first world."""
     b: str
     ahead: dict[str, str | None]
-    """By world, the tracker that is shown to be better by more than the margin; None where neither is. Corrected for
-    the pairs of all worlds of the scenario."""
+    """Tracker that is shown to be better by more than the margin, by world; None where neither is. Corrected for the
+    pairs of all worlds of the scenario."""
 
     @property
     def order(self) -> Literal["holds", "turns", "holds in part", "not shown"]:
-        """turns: each is ahead in some world; holds: one is ahead in all of them."""
+        """Order over all worlds. turns: each tracker is ahead in some world; holds: one is ahead in every world."""
         winners = {*self.ahead.values()}
         if {self.a, self.b} <= winners:
             return "turns"
@@ -287,52 +284,51 @@ class OrderInWorlds(ResultModel):
 
 
 class Comparison(ResultModel):
-    """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline.
+    """Comparison of entrants over scenarios. An entrant is a tracker in a set of results; set 0 is the baseline.
 
-    The fields are of the scenarios that the same metric ranks; ``groups`` has those of every such metric.
+    The fields describe the scenarios that one metric ranks; ``groups`` has a comparison for each such metric.
     """
 
     schema_version: int = SCHEMA_VERSION
     sets: list[str]
-    """Their labels."""
+    """Labels of the sets."""
     ranked_by: str = "position_rmse"
-    """The metric that trackers are ranked by; ``tgospa`` where identities are hidden."""
+    """Metric that ranks trackers; ``tgospa`` with hidden identities."""
     scenarios: list[ComparedScenario] = Field(min_length=1)
     scores: list[EntrantScore]
     differences: list[PairDifference]
-    """Of one set: every pair of trackers. Of several: each entrant against the baseline."""
+    """Differences of every pair of trackers in a single set, or of each entrant to the baseline with several sets."""
     overall: list[OverallChange]
-    """Over several scenarios."""
+    """Changes over several scenarios; else empty."""
     baseline: str | None = None
-    """Tracker that the others are held against in ``overall``: ``score.baseline`` of all scenarios, else the best.
-    Only of one set of results over several scenarios."""
+    """Tracker that the others are compared with in ``overall``: ``score.baseline`` of all scenarios, else the best.
+    None unless a single set has several scenarios."""
     sets_of_scenes: list[list[str]]
-    """The scenarios in sets: those that share scenes are one, which the ranking counts once."""
+    """Sets of scenarios that share scenes; the ranking counts each set once."""
     ranking: list[RankedTracker]
-    """Of one set, best first."""
+    """Trackers of a single set, best first."""
     rank_differences: list[RankDifference]
-    """Of one set over several scenarios: every pair of trackers, in the order of the ranking."""
+    """Tests of every pair of trackers of a single set over several scenarios, in the order of the ranking."""
     gates: list[GateResult]
     not_compared: list[NotCompared]
     notes: list[str]
-    """What a reader must know beside the numbers."""
+    """Remarks that a reader needs beside the numbers."""
     worlds: list[OrderInWorlds] = Field(default_factory=list)
-    """Of one set, scenarios in several worlds: every pair of trackers."""
+    """Order of every pair of trackers of a single set, for scenarios in several worlds."""
     places: dict[str, int] = Field(default_factory=dict)
-    """By tracker, its place in the first scenario that has it, from which it has its colour; those of all groups stand
-    in the first."""
+    """Place of each tracker in the first scenario that has it, which gives its colour; the first group has all."""
     origins: list[SetOrigin] = Field(default_factory=list)
-    """Origin of each of several sets; those of all groups stand in the first."""
+    """Origin of each of several sets; the first group has all."""
     without_truth: list[str] = Field(default_factory=list)
-    """Scenarios that are not compared, for they have no truth."""
+    """Scenarios that are not compared, as they have no truth."""
     commands: list[str] = Field(default_factory=list)
-    """What makes it again: the runs, and the comparison; empty where a result does not say how it was made."""
+    """Commands that repeat the runs and the comparison; empty where a result does not say how it was made."""
     other_groups: list[Comparison] = Field(default_factory=list)
-    """Of the same sets, the scenarios that another metric ranks, each metric's apart; these have no other groups."""
+    """Comparisons of the same sets, one for each other metric that ranks; these have no other groups."""
 
     @property
     def groups(self) -> list[Comparison]:
-        """The scenarios of each metric that ranks, apart."""
+        """Comparisons of the scenarios that each metric ranks."""
         others = [group.model_copy(update={"origins": self.origins}) for group in self.other_groups]
         return [self.model_copy(update={"other_groups": []}), *others]
 
@@ -352,12 +348,12 @@ class Comparison(ResultModel):
         return list(dict.fromkeys(score.entrant.tracker for group in self.groups for score in group.scores))
 
     def by_metric(self) -> Iterator[tuple[str, list[PairDifference]]]:
-        """The differences of each metric."""
+        """Yield each metric with its differences."""
         for metric in dict.fromkeys(item.metric for item in self.differences):
             yield metric, [item for item in self.differences if item.metric == metric]
 
     def json(self) -> dict[str, Any]:  # type: ignore[override]
-        """The comparison as JSON values: four significant digits and no times, so it can be kept as a reference."""
+        """Return the comparison as JSON values: four significant digits and no times, so it can be a reference."""
         values = _rounded(self.model_dump(mode="json"))
         for group in (values, *values["other_groups"]):
             for score in group["scores"]:
@@ -366,6 +362,11 @@ class Comparison(ResultModel):
                 if not group[name]:
                     del group[name]
         return {**values, "passed": self.passed}
+
+
+def as_percent(log_ratio: float) -> float:
+    """Return a ratio less one in percent, from its logarithm."""
+    return float(100.0 * np.expm1(log_ratio))
 
 
 def _rounded(value: Any) -> Any:
@@ -379,9 +380,9 @@ def _rounded(value: Any) -> Any:
 
 
 def load_comparison(file: Path) -> Comparison:
-    """A comparison that was kept as JSON.
+    """Load a comparison that was kept as JSON.
 
     Raises:
-        InputError: it cannot be read, or is none of this version.
+        InputError: the file cannot be read, or is no comparison of this version.
     """
     return read_model(Comparison, file, "comparison", SCHEMA_VERSION)

@@ -1,4 +1,4 @@
-"""The differences between entrants: which are compared, by how much they differ, and whether that is real."""
+"""Differences between entrants: which entrants are compared, by how much they differ, and whether that is shown."""
 
 from __future__ import annotations
 
@@ -24,35 +24,35 @@ from trackbench.metrics.differences import (
 )
 from trackbench.metrics.intervals import Interval
 
-#: Share of the estimates by which one tracker must give fewer than the other for a note on it.
+#: Difference in the share of given estimates of two trackers above which a note names it.
 NOTED = 0.01
 
 
 @dataclass(frozen=True)
 class Match:
-    """Two results of one scenario, or one with itself, and the trackers of them that are compared."""
+    """Two results of one scenario, or one result twice, and the pairs of their trackers that are compared."""
 
     scenario: str
     entry: Entry
     against: Entry
     number: int
-    """Of the set of the first; the other is of the first set."""
+    """Number of the set of ``entry``; ``against`` is in set 0."""
     how: Comparability
     pairs: tuple[tuple[str, str], ...]
     selected: bool = False
-    """Whether the others are held against the tracker that is the best of them in the same data."""
+    """Whether all others are compared with the tracker that is the best in the same data."""
 
     def choices(self, metric: Metric) -> float:
-        """As of :func:`trackbench.metrics.differences.corrected_p_values`."""
+        """Return the factor ``choices`` of :func:`trackbench.metrics.differences.corrected_p_values`."""
         return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
 
     def entrants(self, pair: tuple[str, str]) -> tuple[Entrant, Entrant]:
-        """Each tracker with its set."""
+        """Return each tracker of a pair with its set."""
         return Entrant(tracker=pair[0], set=self.number), Entrant(tracker=pair[1])
 
 
 def match_within(entry: Entry, trackers: Sequence[str]) -> Match:
-    """The trackers of one result, best first: pair by pair, or each against the baseline, or of many the best."""
+    """Pair the trackers of one result: each with each, or with the baseline, or if they are many with the best."""
     how, score = Comparability.of_all(entry.result.summary.runs, ""), entry.result.summary.score
     names, against = list(trackers), score.baseline if score.baseline in trackers else None
     selected = against is None and len(names) > MOST_PAIRED
@@ -64,7 +64,7 @@ def match_within(entry: Entry, trackers: Sequence[str]) -> Match:
 
 
 def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """The trackers of a later result, each with that of the same name; single ones whatever their names."""
+    """Pair each tracker of a later result with the one of the same name; single trackers whatever their names."""
     if len(ours) == len(theirs) == 1:
         return ((theirs[0], ours[0]),)
     return tuple((name, name) for name in ours if name in theirs)
@@ -77,16 +77,16 @@ def judged_differences(
     over_scenarios: bool,
     limits: Mapping[str, float] | None = None,
 ) -> tuple[list[PairDifference], list[NotCompared]]:
-    """Every pair of every match by every metric, and what has no value to compare.
+    """Return the difference of every pair of every match by every metric, and the pairs without a value.
 
-    The p-values are corrected for their number, by all metrics together: in all scenarios, or within each one and its
-    worlds. Of several sets, pairs that are the same in every run are not counted: they cannot be called different.
+    The p-values are corrected for their number, over all metrics together: in all scenarios, or within each scenario
+    and its worlds. With several sets, pairs that are equal in every run do not count: they cannot be called different.
 
     Args:
-        matches: what is compared.
-        metrics: by which.
-        over_scenarios: whether all scenarios are corrected together, as of several sets.
-        limits: by metric, the percentage of the reference that the margin is not more than.
+        matches: results and pairs of trackers to compare.
+        metrics: metrics to compare by.
+        over_scenarios: whether all scenarios are corrected together, as for several sets.
+        limits: largest margin as a percentage of the reference, by metric.
     """
     compared: list[_Uncorrected] = []
     missing: list[NotCompared] = []
@@ -104,13 +104,13 @@ def judged_differences(
     p_values: dict[int, float] = {}
     for places in families.values():
         members = [compared[place] for place in places]
-        own = corrected_p_values([member.item.p_value for member in members], [member.choices for member in members])
-        p_values |= dict(zip(places, own, strict=True))
-    return [each.judged(p_values.get(place, 1.0)) for place, each in enumerate(compared)], missing
+        p = corrected_p_values([member.item.p_value for member in members], [member.choices for member in members])
+        p_values |= dict(zip(places, p, strict=True))
+    return [item.judged(p_values.get(place, 1.0)) for place, item in enumerate(compared)], missing
 
 
 class _Uncorrected(NamedTuple):
-    """A difference whose p-value is still as it is alone, and what its correction needs."""
+    """Difference with its p-value before the correction, and the data for the correction."""
 
     item: PairDifference
     contrast: Contrast
@@ -118,13 +118,12 @@ class _Uncorrected(NamedTuple):
     choices: float
 
     def judged(self, p_value: float) -> PairDifference:
-        """With its corrected p-value, and the verdict."""
-        word = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
-        return self.item.model_copy(update={"p_value": p_value, "verdict": word})
+        """Return the difference with its corrected p-value and verdict."""
+        verdict = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
+        return self.item.model_copy(update={"p_value": p_value, "verdict": verdict})
 
 
 def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Uncorrected | NotCompared]:
-    """The pairs of one match."""
     shared = match.how.shared
     intervals: dict[tuple[int, str], Interval | None] = {}
     over_stretches = match.entry.over_stretches(metric) and match.against.over_stretches(metric)
@@ -133,34 +132,34 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
         for (entry, tracker), runs in zip(sides, shared[::-1] if shared else (None, None), strict=True):
             if (id(entry), tracker) not in intervals:
                 interval = entry.interval(tracker, metric, runs, over_stretches=over_stretches)
-                # Of numbers whose squares are too large for a float nothing is known.
+                # Numbers whose squares overflow are left out.
                 finite = interval is not None and np.isfinite(np.square([interval.value, *interval.influence])).all()
                 intervals[id(entry), tracker] = interval if finite else None
-        own, other = (intervals[id(entry), tracker] for entry, tracker in sides)
+        first, second = (intervals[id(entry), tracker] for entry, tracker in sides)
         entrant, against = match.entrants(pair)
-        if own is None or other is None:
-            entry, tracker = sides[0] if own is None else sides[1]
+        if first is None or second is None:
+            entry, tracker = sides[0] if first is None else sides[1]
             yield NotCompared(
                 scenario=match.scenario,
                 metric=metric.path,
                 entrant=entrant,
                 against=against,
                 reason=f"{tracker} in {entry.label}: {entry.failure(tracker) or 'there is nothing to score'}",
-                of_entrant=other is not None,
+                of_entrant=second is not None,
             )
             continue
-        margin = margin_between(own, other, metric.unit, metric.better, match.against.result.summary.score.margin)
+        margin = margin_between(first, second, metric.unit, metric.better, match.against.result.summary.score.margin)
         if limit is not None:
-            margin = min(margin, limit / 100 * abs(other.value))
-        result = (unpaired if shared is None else paired)(own, other, margin)
+            margin = min(margin, limit / 100 * abs(second.value))
+        result = (unpaired if shared is None else paired)(first, second, margin)
         item = PairDifference(
             scenario=match.scenario,
             metric=metric.path,
             unit=metric.unit,
             entrant=entrant,
             against=against,
-            value=own.value,
-            reference=other.value,
+            value=first.value,
+            reference=second.value,
             difference=result.value,
             ci95=result.ci95,
             margin=result.margin,
@@ -169,34 +168,34 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
                 *(entry.result[tracker].metrics.get(metric.path) for entry, tracker in sides)
             ),
             paired_runs=None if shared is None else len(shared[0]),
-            stretches=len(own.influence) if over_stretches else None,
+            stretches=len(first.influence) if over_stretches else None,
             scenes=max(1, len(match.against.result.summary.truth.scenes)),
             few_scenes_decide=match.against.result.summary.truth.few_scenes_decide,
             scenes_in_words=match.against.result.summary.truth.scenes_in_words,
             repeatable=limit is not None and shared is not None and match.entry.repeatable,
             verdict=UNDECIDED,
             scenes_ahead=_scenes_ahead(match, pair) if metric.path == match.entry.result.summary.headline else None,
-            log_ratio=log_ratio(own, other, is_paired=shared is not None),
+            log_ratio=log_ratio(first, second, is_paired=shared is not None),
         )
-        # The rest of rounding is another on each machine.
+        # Rounding errors differ between machines.
         update = {"difference": 0.0, "ci95": item.ci95 and (0.0, 0.0)} if item.identical else {}
         yield _Uncorrected(item.model_copy(update=update), result, metric, match.choices(metric))
 
 
 def differences_to(baseline: str, differences: Sequence[PairDifference]) -> list[PairDifference]:
-    """Return the differences of the other trackers of one set to one of them."""
+    """Return the differences of all other trackers of a set to the baseline."""
     turned = (item.turned() if item.entrant.tracker == baseline else item for item in differences)
     return [item for item in turned if item.against.tracker == baseline]
 
 
 def _scenes_ahead(match: Match, pair: tuple[str, str]) -> tuple[int, int] | None:
-    """Number of scenes in which the first of a pair has the smaller error, and of all that both results have."""
-    scenes, others = (entry.result.summary.truth.scenes for entry in (match.entry, match.against))
-    if len(scenes) < 2 or [scene.name for scene in scenes] != [scene.name for scene in others]:
+    """Return the number of scenes in which the first of a pair has the smaller error, and the number of all scenes."""
+    scenes, scenes_of_other = (entry.result.summary.truth.scenes for entry in (match.entry, match.against))
+    if len(scenes) < 2 or [scene.name for scene in scenes] != [scene.name for scene in scenes_of_other]:
         return None
     ahead = [
-        scene.error[pair[0]] < other.error.get(pair[1], np.inf)
-        for scene, other in zip(scenes, others, strict=True)
+        scene.error[pair[0]] < against.error.get(pair[1], np.inf)
+        for scene, against in zip(scenes, scenes_of_other, strict=True)
         if pair[0] in scene.error
     ]
     return sum(ahead), len(scenes)
@@ -205,7 +204,7 @@ def _scenes_ahead(match: Match, pair: tuple[str, str]) -> tuple[int, int] | None
 def coverage_notes(
     matches: Sequence[Match], differences: Sequence[PairDifference], metrics: Sequence[Metric]
 ) -> Iterator[str]:
-    """Compared pairs of which one gave fewer estimates, and whether their difference turns without what is charged."""
+    """Name compared pairs in which one gave fewer estimates; say if the charge for missing ones decides the sign."""
     compared = {(item.scenario, item.entrant, item.against) for item in differences}
     directed = [metric.path for metric in metrics if metric.better is not None]
     uncounted = [
@@ -215,9 +214,10 @@ def coverage_notes(
     ]
     for match in matches:
         for a, b in match.pairs:
-            own, other = match.entry.coverage(a), match.against.coverage(b)
+            share_a, share_b = match.entry.coverage(a), match.against.coverage(b)
             pair = (match.scenario, *match.entrants((a, b)))
-            if pair in compared and abs(own - other) > NOTED:
+            if pair in compared and abs(share_a - share_b) > NOTED:
                 but = "without what is charged for missing estimates the difference turns, and neither is called better"
-                shares = f"{a} gave {100 * own:.0f} % of the estimates due in {match.scenario}, {b} {100 * other:.0f} %"
+                due = f"% of the estimates due in {match.scenario}"
+                shares = f"{a} gave {100 * share_a:.0f} {due}, {b} {100 * share_b:.0f} %"
                 yield f"{shares}; {but}" if pair in uncounted else shares

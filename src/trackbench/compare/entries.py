@@ -1,4 +1,4 @@
-"""Results to be compared, as they are named on the command line: folders of runs, or of many runs."""
+"""Results to be compared, as the command line names them: the folder of a run, or a folder of such folders."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.validate import same_every_run
 
-#: What a comparison does not read of a scenario, and may be code that is not here.
+#: Overrides that remove parts of a scenario that a comparison does not read, and whose code may be missing.
 LEFT_OUT = ("score.metrics=[]", "expect=[]", "recording.scene=0")
-#: Trackers that any scenario may have, also one without sensors, by whether identities are known.
+#: Overrides with trackers that any scenario may have, even without sensors, by ``identities``.
 ANY = {"known": "trackers={raw: {use: raw}}", "hidden": "trackers={one: {use: tracks, path: none.csv}}"}
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One result that takes part."""
+    """One result of a comparison."""
 
     label: str
-    """Its folder, as the user named it."""
+    """Folder of the result, as the user named it."""
     result: Result
 
     @property
     def trackers(self) -> list[str]:
-        """Best first."""
+        """Names of the ranked trackers, best first."""
         return self.result.summary.ranking
 
     @cached_property
     def scenario(self) -> ScenarioConfig:
-        """The scenario as it was run, but for its trackers, its own metrics and what it expects.
+        """Scenario as it was run, without its trackers, metrics and expectations.
 
         Raises:
-            InputError: this version does not read it, or its truth or a sensor is a plug-in that is not there.
+            InputError: this version does not read the scenario, or a plug-in of its truth or sensors is missing.
         """
         summary = self.result.summary
-        kept, trackers = summary.scenario, ANY[summary.identities]
+        stored, trackers = summary.scenario, ANY[summary.identities]
         try:
-            return scenario_of(kept.text, Path(kept.name), [*kept.overrides, trackers, *LEFT_OUT]).config
+            return scenario_of(stored.text, Path(stored.name), [*stored.overrides, trackers, *LEFT_OUT]).config
         except InputError as error:
             problem = "its scenario is not one that this version reads"
             if error.message.startswith("cannot import "):
@@ -61,21 +61,21 @@ class Entry:
             raise InputError(f"{problem}: {error.message}", file=self.label, key=error.key) from None
 
     def table(self, name: str) -> pa.Table:
-        """A table of the result.
+        """Return a table of the result.
 
         Raises:
-            InputError: it is missing or damaged.
+            InputError: the table is missing or damaged.
         """
         if name not in self.result.tables:
             raise InputError(f"no {name}.parquet beside {results.SUMMARY}, which a comparison reads", file=self.label)
         return self.result.tables[name]
 
     def failure(self, tracker: str) -> str | None:
-        """Why a tracker is not held against others, if it is not."""
+        """Return why a tracker is not compared with others; None if it is."""
         return self.result.why_unscored(self.result[tracker]) or None
 
     def coverage(self, tracker: str) -> float:
-        """Share of the estimates that a tracker should give that it gave; 0 where it has none."""
+        """Return the share of the due estimates that a tracker gave; 0 without such a metric."""
         metric = self.result[tracker].metrics.get("coverage")
         return (metric.value if metric else None) or 0.0
 
@@ -86,7 +86,7 @@ class Entry:
         return len(pc.unique(table["stretch"])) if len(table) else 0
 
     def over_stretches(self, metric: Metric) -> bool:
-        """Whether the interval of a metric rests on stretches of time."""
+        """Return whether the interval of a metric rests on stretches of time."""
         return {*metric.columns} <= {*self.result.tables.if_there("stretches").column_names}
 
     @cached_property
@@ -95,9 +95,9 @@ class Entry:
         return same_every_run(self.scenario)
 
     def without_interval(self, metric: Metric) -> str:
-        """Why no regression of a metric can be shown here, and what would show one; empty where one can be.
+        """Return why this result cannot show a regression of a metric, and what would; empty where it can.
 
-        It takes an interval, or recorded data in which nothing is drawn.
+        A regression takes an interval, or recorded data in which nothing is drawn.
         """
         summary = self.result.summary
         scenes = len(summary.truth.scenes)
@@ -121,15 +121,15 @@ class Entry:
     def interval(
         self, tracker: str, metric: Metric, runs: NDArray[np.intp] | None = None, *, over_stretches: bool = False
     ) -> Interval | None:
-        """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
+        """Return a metric of a tracker with the influence of each run; None where there is nothing to compare.
 
-        With runs of several scenes it is what each scene adds.
+        With several scenes, it has the influence of each scene.
 
         Args:
-            tracker: its name.
-            metric: what to read.
-            runs: the numbers of the runs to take; all unless given.
-            over_stretches: whether it is what each stretch of time adds instead.
+            tracker: name of the tracker.
+            metric: metric to read.
+            runs: numbers of the runs to take; None for all.
+            over_stretches: whether to return the influence of each stretch of time instead.
 
         Raises:
             InputError: the table does not hold the metric.
@@ -158,22 +158,22 @@ class Entry:
 
 @dataclass(frozen=True)
 class ResultSet:
-    """The results of one version of the trackers, one for each scenario."""
+    """Results of one version of the trackers, one for each scenario."""
 
     label: str
     entries: tuple[Entry, ...]
 
 
 def results_in(folder: Path, finished: Sequence[Result]) -> ResultSet:
-    """Results that are at hand, each with a folder of the scenario's name in a folder."""
+    """Make a set of finished results; each is labelled as a folder, with the scenario's name, within ``folder``."""
     return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in finished))
 
 
 def find_results(path: Path) -> ResultSet:
-    """The result in the folder of a run (or in its ``result.json``), or those in the folders of a folder.
+    """Load the result in the folder of a run, which its ``result.json`` may name, or all results in a folder's folders.
 
     Raises:
-        InputError: there is none, one is no result, or two are of the same scenario.
+        InputError: there is no result, one cannot be read, or two are of the same scenario.
     """
     folders = [path]
     if path.is_dir() and not (path / results.SUMMARY).is_file():

@@ -1,4 +1,4 @@
-"""Whether a later result is worse than the baseline by more than is allowed."""
+"""Limits on regressions: whether a later result is worse than the baseline by more than is allowed."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ OPTION = "--fail-on-regression"
 
 
 class Limit(NamedTuple):
-    """How much worse a metric may become."""
+    """Largest allowed worsening of a metric."""
 
     metric: str
     percent: float
 
     @classmethod
     def parse(cls, text: str) -> Limit:
-        """``position_rmse:5`` or ``position_rmse:5%``.
+        """Parse a limit such as ``position_rmse:5`` or ``position_rmse:5%``.
 
         Raises:
-            InputError: it is something else.
+            InputError: the text is no limit.
         """
         metric, colon, number = text.rpartition(":")
         if not colon:
@@ -42,12 +42,12 @@ def gate_results(
     differences: Sequence[PairDifference],
     missing: Sequence[NotCompared],
 ) -> list[GateResult]:
-    """Each limit held against each tracker of each later set in each scenario.
+    """Return the outcome of each limit for each tracker of each later set in each scenario.
 
     A limit is a test of non-inferiority. It is kept (``passed``) where the whole 95 % interval of the difference is
-    within it. It is broken (``failed``) where the value is worse by more than the limit, and shown to be worse by more
-    than the margin, which is not more than the limit, after the correction for their number. Else it is ``undecided``,
-    and does not pass. Values of the same recorded data without an interval are compared as they are.
+    within it. It is broken (``failed``) where the value is worse by more than the limit, and shown by the corrected
+    p-value to be worse by more than the margin, which is at most the limit. Else it is ``undecided``, and does not
+    pass. Values of the same recorded data without an interval are compared as they are.
     """
     results = []
     for limit in limits:
@@ -95,13 +95,13 @@ def _text(item: PairDifference, limit: Limit, outcome: GateOutcome) -> str:
     if item.percent_ci95 is not None:
         low, high = item.percent_ci95
         reach = f" (95 %: {low:+.1f} to {high:+.1f} %)"
-    # A word on the margin beside an open limit would answer another question.
+    # Beside an undecided limit, a verdict on the margin would answer another question.
     word = "" if outcome == "undecided" else f", {item.verdict}"
     return f"{item.percent:+.1f} %{reach}{word}; {allowed}"
 
 
 def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
-    """Say what became of the limits: "2 of 2 limits kept", "1 of 3 limits broken, 1 not shown to be kept"."""
+    """Return the outcomes in words: "2 of 2 limits kept", "1 of 3 limits broken, 1 not shown to be kept"."""
     broken, undecided = sum(item in ("failed", "error") for item in outcomes), outcomes.count("undecided")
     parts = [(broken, "broken"), (undecided, "not shown to be kept")]
     (number, word), *rest = [part for part in parts if part[0]] or [(len(outcomes), "kept")]
@@ -109,5 +109,5 @@ def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
 
 
 def exit_line(outcomes: Sequence[GateOutcome], status: int) -> str:
-    """Say how many limits are kept, and the exit status with the rule of every gate."""
+    """Return a line with the number of kept limits, and the exit status with its rule."""
     return f"{limits_in_words(outcomes)}: exit status {status} (0: all shown kept)"

@@ -1,4 +1,4 @@
-"""When each set of results was made, of which code, and what else changed since the set before."""
+"""Origin of each set of results: time, commit of the code, and other changes since the previous set."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackbench.results.checks import differing
 
 
 def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequence[str] | None) -> list[SetOrigin]:
-    """Return the origin of each of several sets, in the order given; none of a single set.
+    """Return the origin of each of several sets, in the order given; empty for a single set.
 
     Args:
         count: number of sets that are compared, the baseline first.
@@ -22,11 +22,11 @@ def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequ
     """
     origins = []
     for number in range(count if count > 1 else 0):
-        own = [cell.entries for cell in cells if number in cell.entries]
-        known = [made for entries in own if (made := entries[number].result.summary.provenance)]
+        of_scenarios = [cell.entries for cell in cells if number in cell.entries]
+        known = [made for entries in of_scenarios if (made := entries[number].result.summary.provenance)]
         last = max(known, key=lambda made: made.made_at, default=None)
         commits = dict.fromkeys(made.commit_in_words for made in known if made.commit)
-        pairs = [(entries[number - 1], entries[number]) for entries in own if number - 1 in entries]
+        pairs = [(entries[number - 1], entries[number]) for entries in of_scenarios if number - 1 in entries]
         changes = dict.fromkeys(change for pair in pairs for change in _changes(*pair, trackers))
         made_at = last and last.made_at.isoformat(timespec="milliseconds")
         commit = ", ".join(commits) or None
@@ -35,7 +35,7 @@ def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequ
 
 
 def order_notes(origins: Sequence[SetOrigin], sets: Sequence[ResultSet]) -> Iterator[str]:
-    """Say of each set that stands after one that was made later."""
+    """Name each set that stands after a set that was made later."""
     for before, after in pairwise(origins):
         if before.made_at and after.made_at and after.made_at < before.made_at:
             yield f"{sets[after.set].label} was made before {sets[before.set].label}, which stands before it"

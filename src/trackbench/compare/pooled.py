@@ -1,4 +1,4 @@
-"""Differences to a baseline pooled over scenarios: the geometric mean of the ratios, with its interval."""
+"""Changes against a baseline, pooled over scenarios: geometric mean of the ratios, with its interval."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtrit
 
-from trackbench.compare.comparison import EntrantScore, OverallChange, PairDifference
+from trackbench.compare.comparison import EntrantScore, OverallChange, PairDifference, as_percent
 from trackbench.metrics.contrasts import LogRatio
 
 
 def overall(
     differences: Sequence[PairDifference], sets: Sequence[Sequence[str]], scores: Sequence[EntrantScore]
 ) -> list[OverallChange]:
-    """Return each entrant against the baseline, over the scenarios.
+    """Return the change of each entrant against the baseline, over the scenarios.
 
     Args:
-        differences: to the baseline.
-        sets: the scenarios that share scenes, see :func:`trackbench.compare.ranking.sets_of_scenes`.
-        scores: of the entrants; where runs diverged, few decide a mean, and the pooled one has no interval.
+        differences: differences to the baseline.
+        sets: sets of scenarios that share scenes, see :func:`trackbench.compare.ranking.sets_of_scenes`.
+        scores: scores of the entrants; where runs diverged, few decide a mean, and the pooled one has no interval.
     """
     number = {scenario: number for number, members in enumerate(sets) for scenario in members}
     diverged = [(score.scenario, score.entrant) for score in scores if score.diverged_runs]
-    # Of a tracker that lacks a scenario, its mean would be over the others alone.
+    # A tracker that lacks a scenario has no mean, as it would be over other scenarios than the mean of the rest.
     scenarios, changes = len({item.scenario for item in differences}), []
     for key in dict.fromkeys((item.metric, item.entrant, item.against) for item in differences):
-        own = [item for item in differences if (item.metric, item.entrant, item.against) == key]
-        verdicts = [item.verdict for item in own]
-        # What is the same in every run is so in other runs.
-        ratios = [LogRatio(0.0, 0.0, 1) if item.identical else item.log_ratio for item in own]
+        rows = [item for item in differences if (item.metric, item.entrant, item.against) == key]
+        verdicts = [item.verdict for item in rows]
+        # Values that are equal in every run are taken as equal in further runs.
+        ratios = [LogRatio(0.0, 0.0, 1) if item.identical else item.log_ratio for item in rows]
         positive = [ratio for ratio in ratios if ratio is not None]
         mean, reach = (
-            pooled(positive, [number[item.scenario] for item in own]) if len(positive) == scenarios else (None, None)
+            pooled(positive, [number[item.scenario] for item in rows]) if len(positive) == scenarios else (None, None)
         )
-        if any((item.scenario, side) in diverged for item in own for side in key[1:]):
+        if any((item.scenario, side) in diverged for item in rows for side in key[1:]):
             reach = None
         changes.append(
             OverallChange(
@@ -42,25 +42,25 @@ def overall(
                 entrant=key[1],
                 against=key[2],
                 verdicts={verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)},
-                mean_percent=None if mean is None else _percent(mean),
-                ci95=(_percent(mean - reach), _percent(mean + reach)) if mean is not None and reach else None,
+                mean_percent=None if mean is None else as_percent(mean),
+                ci95=(as_percent(mean - reach), as_percent(mean + reach)) if mean is not None and reach else None,
             )
         )
     return changes
 
 
 def pooled(ratios: Sequence[LogRatio], sets: Sequence[int]) -> tuple[float, float | None]:
-    """Return the mean of logarithms of ratios, one of each scenario, and half of its 95 % interval.
+    """Return the mean of the log ratios of all scenarios, and half of its 95 % interval.
 
     The scenarios are fixed: their ratios may differ, and the interval is over other noise and scenes of each. Errors
-    of scenarios that share scenes are added as if they were one and the same, the others are independent. Source of the
-    degrees of freedom: Satterthwaite (1946), "An approximate distribution of estimates of variance components".
-    ``benchmarks/calibration/pooled.py`` measures it. With squared errors of single runs that differ by a factor of e,
-    one standard deviation, 13 scenarios of 20 runs cover 92 %.
+    of scenarios that share scenes are added as fully correlated, the others are independent. Source of the degrees of
+    freedom: Satterthwaite (1946), "An approximate distribution of estimates of variance components".
+    ``benchmarks/calibration/pooled.py`` measures the coverage. With squared errors of single runs that differ by a
+    factor of e, one standard deviation, 13 scenarios of 20 runs cover 92 %.
 
     Args:
-        ratios: of the scenarios.
-        sets: ``(scenarios,)`` number of the set of scenes that each belongs to.
+        ratios: log ratio of each scenario.
+        sets: ``(scenarios,)`` number of the set of scenes of each scenario.
     """
     mean = float(np.mean([ratio.value for ratio in ratios]))
     errors: dict[int, float] = {}
@@ -77,7 +77,3 @@ def pooled(ratios: Sequence[LogRatio], sets: Sequence[int]) -> tuple[float, floa
         return mean, 0.0
     freedom = total**2 / sum(square**2 / freedoms[group] for group, square in squares.items())
     return mean, float(stdtrit(freedom, 0.975) * np.sqrt(total) / len(ratios))
-
-
-def _percent(logarithm: float) -> float:
-    return float(100.0 * np.expm1(logarithm))

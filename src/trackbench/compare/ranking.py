@@ -1,9 +1,9 @@
-"""Trackers over scenarios: what each reached where, who is ahead, how well that is known.
+"""Ranking of trackers over scenarios: scores in each scenario, mean ranks, and tests of their differences.
 
-The population are scenarios of the kind of those compared, each with as many runs. The parameter is a tracker's
-expected rank in one of them, as its runs would show it. The ranks of one scenario hold the noise of its runs, and those
-of different scenes are independent, so the spread over them has both in it: the choice of scenes, and the noise within
-each. Scenarios that share scenes, such as the same traffic with and without a lidar, are one set, and count once.
+The population are scenarios like the compared ones, with as many runs each. The parameter is a tracker's expected rank
+in one of them, as its runs would show it. The ranks in one scenario contain the noise of its runs, and ranks in
+different scenes are independent. So their spread contains both the choice of scenes and the noise within each.
+Scenarios that share scenes, such as the same traffic with and without a lidar, are one set, and count once.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference,
 from trackbench.compare.entries import Entry
 from trackbench.metrics.differences import LEVEL, holm
 
-#: The metrics that a score keeps, by the one that trackers are ranked by.
+#: Metrics that a score always keeps, by the metric that ranks.
 SHOWN = {
     "position_rmse": ("position_rmse", "velocity_rmse", "position_over_reference", "nees", "step_time"),
     "tgospa": (
@@ -30,10 +30,9 @@ SHOWN = {
 
 
 class Pairings:
-    """Which of two trackers is better in a scenario."""
+    """Verdicts on pairs of trackers in each scenario, by the metric that ranks."""
 
     def __init__(self, differences: Sequence[PairDifference], metric: str) -> None:
-        """``metric``: the one that trackers are ranked by."""
         self.metric = metric
         self._better: dict[tuple[str, frozenset[str]], str | None] = {}
         for item in differences:
@@ -43,15 +42,15 @@ class Pairings:
                 self._better[item.scenario, frozenset((a, b))] = better
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
-        """The better one of the two, None where none is shown to be."""
+        """Return the tracker that is shown to be better; None where neither is."""
         return self._better.get((scenario, frozenset((a, b))))
 
     def compared(self, scenario: str, a: str, b: str) -> bool:
-        """Whether the two were held against each other."""
+        """Return whether the two trackers were compared."""
         return (scenario, frozenset((a, b))) in self._better
 
     def rank(self, scenario: str, name: str, names: Sequence[str]) -> float:
-        """One, and one for each tracker that is better, a half for each where neither is."""
+        """Return the rank: one, plus one for each tracker that is better, plus a half for each where neither is."""
         winners = [self.better(scenario, name, other) for other in names if other != name]
         return 1.0 + sum(0.5 if better is None else float(better != name) for better in winners)
 
@@ -64,9 +63,9 @@ def entrant_scores(
     pairings: Pairings | None,
     compared: Sequence[str] = (),
 ) -> list[EntrantScore]:
-    """What the trackers of one result reached, in the order of the scenario; ranked if it is known who is better.
+    """Return the scores of the trackers of one result, in the order of the scenario; ranked if ``pairings`` are given.
 
-    Besides the metrics that are always shown, ``compared`` names the metrics to keep.
+    ``compared`` names metrics to keep beside those that are always shown.
     """
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
     contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in trackers]
@@ -95,56 +94,54 @@ def entrant_scores(
 
 
 def _leads(name: str, best: str, scenario: str, pairings: Pairings) -> bool:
-    """Whether a tracker is the best of a scenario, or was held against the best and not shown to be worse."""
+    """Return whether a tracker is the best of a scenario, or was compared with the best and not shown to be worse."""
     return name == best or (
         pairings.compared(scenario, best, name) and pairings.better(scenario, best, name) in (None, name)
     )
 
 
 def sets_of_scenes(scenes: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """The scenarios that share scenes, directly or by way of others, in the order of their first ones.
+    """Return the sets of scenarios that share scenes, directly or through other scenarios, in the order of the first.
 
     Args:
-        scenes: of each scenario, fingerprints of its scenes; one without any is a set of its own.
+        scenes: fingerprints of the scenes of each scenario; a scenario without any is a set of its own.
     """
     sets: list[list[str]] = []
-    for name, own in scenes.items():
-        shared = [group for group in sets if any(_share(own, scenes[other]) for other in group)]
+    for name, fingerprints in scenes.items():
+        shared = [group for group in sets if any(_share(fingerprints, scenes[member]) for member in group)]
         if not shared:
             sets.append([name])
             continue
-        shared[0].extend([*(other for group in shared[1:] for other in group), name])
+        shared[0].extend([*(member for group in shared[1:] for member in group), name])
         sets = [group for group in sets if group not in shared[1:]]
     return sets
 
 
 def _share(first: Sequence[str], second: Sequence[str]) -> bool:
-    """Whether a scene of one is the beginning of one of the other, or the same."""
+    """Return whether a scene of one list is the beginning of a scene of the other, or equal to it."""
     return any(a.startswith(b) or b.startswith(a) for a in first for b in second)
 
 
 def ranked_trackers(
     scored: Sequence[EntrantScore], pairings: Pairings, sets: Sequence[Sequence[str]]
 ) -> tuple[list[RankedTracker], list[RankDifference]]:
-    """Every tracker of one set of results, by mean rank, and which of the mean ranks are shown to differ.
+    """Return every tracker of one set of results, by mean rank, and the tests of their mean ranks.
 
-    Of equal mean ranks that with the smaller geometric mean of the errors is first.
-
-    References stand after the others, which are ranked without them. Trackers without a score in a scenario share its
-    last places. Where a scenario lacks some trackers, the rank is scaled to the whole field. The rank in a set of
-    scenarios is the mean of those in each.
+    If mean ranks are equal, the smaller geometric mean of the errors is first. References stand after the others, which
+    are ranked without them. Trackers without a score in a scenario share its last places. Where a scenario lacks some
+    trackers, the rank is scaled to the whole field. The rank in a set of scenarios is the mean of the ranks in each.
 
     Args:
-        scored: of every tracker in every scenario.
-        pairings: who is better where.
-        sets: the scenarios that share scenes, see :func:`sets_of_scenes`.
+        scored: scores of every tracker in every scenario.
+        pairings: verdicts on pairs of trackers.
+        sets: sets of scenarios that share scenes, see :func:`sets_of_scenes`.
     """
     references = {score.entrant.tracker for score in scored if score.reference}
     competing = [score for score in scored if score.entrant.tracker not in references]
     ranked, differences = _ranking(competing, pairings, sets)
     for reference in sorted(references):
-        own = [score for score in scored if score.entrant.tracker == reference]
-        beside, _ = _ranking([*competing, *own], pairings, sets)
+        its_scores = [score for score in scored if score.entrant.tracker == reference]
+        beside, _ = _ranking([*competing, *its_scores], pairings, sets)
         (item,) = (item for item in beside if item.tracker == reference)
         ranked.append(item.model_copy(update={"reference": True, "ci95": None}))
     return ranked, differences
@@ -162,8 +159,8 @@ def _ranking(
     ranks = _by_set(np.array([_ranks(scenario, names) for scenario in by_scenario.values()]), member_of)
     ranked = []
     for i, name in enumerate(names):
-        own = [scenario[name] for scenario in by_scenario.values() if name in scenario]
-        verdicts = [nees.verdict for score in own if (nees := score.metrics.get("nees"))]
+        its_scores = [scenario[name] for scenario in by_scenario.values() if name in scenario]
+        verdicts = [nees.verdict for score in its_scores if (nees := score.metrics.get("nees"))]
         judged = [verdict for verdict in verdicts if verdict not in (None, "undecided")]
         outcomes = [
             _outcome(scenario, name, other, pairings)
@@ -171,20 +168,20 @@ def _ranking(
             for other in (scenario if name in scenario else ())
             if other != name
         ]
-        own_ranks = ranks[np.isfinite(ranks[:, i]), i]
+        its_ranks = ranks[np.isfinite(ranks[:, i]), i]
         ranked.append(
             RankedTracker(
                 tracker=name,
-                scenarios=len(own),
-                mean_rank=float(own_ranks.mean()),
-                ci95=_telling(mean_rank_interval(own_ranks, len(names)), len(names)),
+                scenarios=len(its_scores),
+                mean_rank=float(its_ranks.mean()),
+                ci95=_telling(mean_rank_interval(its_ranks, len(names)), len(names)),
                 won=outcomes.count("won"),
                 lost=outcomes.count("lost"),
                 tied=outcomes.count("tied"),
                 consistent_scenarios=judged.count("consistent"),
                 judged_scenarios=len(judged),
-                diverged_runs=sum(score.diverged_runs for score in own),
-                failed_scenarios=sum(score.rank is None for score in own),
+                diverged_runs=sum(score.diverged_runs for score in its_scores),
+                failed_scenarios=sum(score.rank is None for score in its_scores),
             )
         )
     sizes = _relative_errors([*by_scenario.values()], pairings.metric)
@@ -196,24 +193,24 @@ def _ranking(
 
 
 def _relative_errors(scenarios: Sequence[dict[str, EntrantScore]], metric: str) -> dict[str, float]:
-    """Return for each tracker the mean over scenarios of ln(its error / geometric mean error of the scenario)."""
-    own: dict[str, list[float]] = {}
+    """Return for each tracker the mean over scenarios of ln(error / geometric mean error of the scenario)."""
+    relative: dict[str, list[float]] = {}
     for scores in scenarios:
         logarithms = {
             name: np.log(value) for name, score in scores.items() if (value := score.value(metric) or 0.0) > 0
         }
         for name, logarithm in logarithms.items():
-            own.setdefault(name, []).append(logarithm - np.mean([*logarithms.values()]))
-    return {name: float(np.mean(values)) for name, values in own.items()}
+            relative.setdefault(name, []).append(logarithm - np.mean([*logarithms.values()]))
+    return {name: float(np.mean(values)) for name, values in relative.items()}
 
 
 def _telling(interval: tuple[float, float] | None, trackers: int) -> tuple[float, float] | None:
-    """Return an interval of a mean rank that has a width and leaves out some ranks, else None."""
+    """Return the interval of a mean rank if it has a width and leaves out some ranks, else None."""
     return interval if interval and interval[0] < interval[1] and interval != (1.0, trackers) else None
 
 
 def _by_set(values: Array, member_of: Indices) -> Array:
-    """``(sets, k)`` means of values ``(scenarios, k)`` over the scenarios of each set; NaN where all are NaN."""
+    """Average values ``(scenarios, k)`` over the scenarios of each set, to ``(sets, k)``; NaN where all are NaN."""
     rows = [values[member_of == number] for number in np.unique(member_of)]
     counts = np.array([np.isfinite(row).sum(axis=0) for row in rows])
     totals = np.array([np.nansum(row, axis=0) for row in rows])
@@ -223,7 +220,7 @@ def _by_set(values: Array, member_of: Indices) -> Array:
 def _rank_differences(
     names: Sequence[str], scenarios: Sequence[dict[str, EntrantScore]], member_of: Indices, pairings: Pairings
 ) -> list[RankDifference]:
-    """Every pair of trackers, by the pairings of these two alone: others in the field change nothing.
+    """Test every pair of trackers, by the pairings of these two alone: other trackers change nothing.
 
     Source: Benavoli, Corani and Mangili (2016), "Should we really use post-hoc tests based on mean-ranks?"
     """
@@ -240,48 +237,49 @@ def _rank_differences(
 
 
 def _ranks(scenario: dict[str, EntrantScore], names: Sequence[str]) -> list[float]:
-    """The rank of each tracker in the whole field, NaN where it did not take part."""
+    """Return the rank of each tracker in the whole field, NaN where it did not take part."""
     ranked = sum(score.rank is not None for score in scenario.values())
     last = (ranked + 1 + len(scenario)) / 2
     scale = (len(names) - 1) / max(1, len(scenario) - 1)
     ranks = []
     for name in names:
         score = scenario.get(name)
-        own = np.nan if score is None else last if score.rank is None else score.rank
-        ranks.append(1 + scale * (own - 1))
+        rank = np.nan if score is None else last if score.rank is None else score.rank
+        ranks.append(1 + scale * (rank - 1))
     return ranks
 
 
 def _outcome(scenario: dict[str, EntrantScore], name: str, against: str, pairings: Pairings) -> str:
-    """One without a score loses against one that has one; nothing is decided where one takes no part."""
-    own, other = scenario.get(name), scenario.get(against)
-    if own is None or other is None:
+    """Return won, lost or tied: a tracker without a score loses against one with a score, an absent tracker ties."""
+    ours, theirs = scenario.get(name), scenario.get(against)
+    if ours is None or theirs is None:
         return "tied"
-    if (own.rank is None) != (other.rank is None):
-        return "won" if other.rank is None else "lost"
-    better = pairings.better(own.scenario, name, against)
+    if (ours.rank is None) != (theirs.rank is None):
+        return "won" if theirs.rank is None else "lost"
+    better = pairings.better(ours.scenario, name, against)
     return "tied" if better is None else "won" if better == name else "lost"
 
 
-#: Of a set of scenes, in which every tracker has the middle rank, that is added for the interval.
+#: Part of a set of scenes, in which every tracker has the middle rank, that is added for the interval.
 PSEUDO = 0.5
-#: Fewer make no interval of 95 %: ranks then take so few values that an interval covers anything from 60 to 100 %.
+#: Least numbers of sets and of trackers for an interval: with fewer, ranks take so few values that it covers anything
+#: from 60 to 100 %.
 FEWEST_SETS, FEWEST_TRACKERS = 3, 4
-#: With more sets the signs are drawn.
+#: Largest number of sets for which all signs are tried; for more they are drawn.
 ALL_SIGNS = 14
 DRAWN_SIGNS = 20_000
 
 
 def mean_rank_interval(ranks: Array, trackers: int) -> tuple[float, float] | None:
-    """The 95 % interval of a tracker's mean rank; None with fewer than 3 sets of scenes or 4 trackers.
+    """Return the 95 % interval of a tracker's mean rank; None with fewer than 3 sets of scenes or 4 trackers.
 
-    Student's t with half a set added in which the tracker has the middle rank. Without it a tracker that is first
-    in each of a few sets would seem to be so in all there are. The idea is that of Agresti and Coull (1998),
+    It is Student's interval with half a set added in which the tracker has the middle rank. Without it a tracker that
+    is first in each of a few sets would seem to be first in all sets. The idea is from Agresti and Coull (1998),
     "Approximate is better than exact for interval estimation of binomial proportions".
 
     Args:
-        ranks: ``(sets,)`` of the tracker.
-        trackers: how many are ranked.
+        ranks: ``(sets,)`` rank of the tracker in each set.
+        trackers: number of ranked trackers.
     """
     if len(ranks) < FEWEST_SETS or trackers < FEWEST_TRACKERS:
         return None
@@ -294,16 +292,15 @@ def mean_rank_interval(ranks: Array, trackers: int) -> tuple[float, float] | Non
 
 
 def sign_flip(differences: Array) -> Array:
-    """``(pairs,)`` two-sided p-values of the hypothesis that the two trackers of a pair have the same expected rank.
+    """Return the two-sided p-values ``(pairs,)`` of the hypothesis that two trackers have the same expected rank.
 
-    If they have, which of them is called the first in a set of scenes does not matter, so each difference could as well
-    have the other sign: the p-value is the share of all choices of signs whose sum is at least as far from zero. That
-    is exact for trackers that are alike, however few sets there are, and no smaller than 2 to the power of 1 - sets.
-    Source: Fisher (1935), "The Design of Experiments", section 21; with drawn signs Phipson and Smyth (2010),
-    "Permutation p-values should never be zero".
+    Under the hypothesis each difference could as well have the other sign. The p-value is the share of all choices of
+    signs whose sum is at least as far from zero. It is exact for trackers that are alike, however few sets there are,
+    and no smaller than 2 to the power of 1 - sets. Source: Fisher (1935), "The Design of Experiments", section 21; with
+    drawn signs Phipson and Smyth (2010), "Permutation p-values should never be zero".
 
     Args:
-        differences: ``(pairs, sets)`` of the ranks of two trackers; 0 where one of them did not take part.
+        differences: ``(pairs, sets)`` differences of the ranks of two trackers; 0 where one did not take part.
     """
     sets = differences.shape[1]
     if sets <= ALL_SIGNS:
@@ -312,12 +309,12 @@ def sign_flip(differences: Array) -> Array:
         drawn = np.random.default_rng(0).choice([1.0, -1.0], (DRAWN_SIGNS, sets))
         signs = np.vstack([np.ones(sets), drawn])
     observed = np.abs(differences.sum(axis=1, keepdims=True))
-    # The same sum in another order must not count as smaller.
+    # Rounding must not make an equal sum smaller.
     shares: Array = (np.abs(differences @ signs.T) >= observed - 1e-9).mean(axis=1)
     return shares
 
 
 def fewest_sets(trackers: int) -> int:
-    """With fewer sets of scenes no difference can be shown between two of these trackers, whatever the ranks."""
+    """Return the least number of sets of scenes with which two of these trackers can be shown to differ."""
     pairs = trackers * (trackers - 1) / 2
     return next(count for count in range(1, 100) if pairs * 2.0 ** (1 - count) < LEVEL)
