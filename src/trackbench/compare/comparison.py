@@ -214,7 +214,7 @@ class OverallChange(ResultModel):
 
 
 class RankedTracker(ResultModel):
-    """One tracker over all its scenarios."""
+    """Mean rank and record of one tracker over all its scenarios."""
 
     tracker: str
     scenarios: int

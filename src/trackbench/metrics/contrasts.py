@@ -177,13 +177,13 @@ def _allowed(a: Interval, b: Interval) -> tuple[float, float]:
 
 
 def _tested(
-    first: float, others: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask, allowed: Array
+    first: float, second: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask, allowed: Array
 ) -> list[Contrast]:
-    """Test the differences of one value to others ``(k,)``; ``allowed`` ``(k, 2)`` comes from ``_allowed``."""
-    values = first - others
-    margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(others)))
+    """Test the differences of one value to second values ``(k,)``; ``allowed`` ``(k, 2)`` comes from ``_allowed``."""
+    values = first - second
+    margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(second)))
     if errors is None:
-        return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
+        return [Contrast(value, None, 1.0, top) for value, top in zip(values.tolist(), margins.tolist(), strict=True)]
     # Trackers with the same errors in every run need no allowance.
     in_interval = np.where(errors > ROUNDING * abs(first), allowed[:, 0], 0.0)
     reach = stdtrit(freedom, 0.975) * errors + in_interval
@@ -192,21 +192,21 @@ def _tested(
     tails = stdtr(freedom, -excess / np.where(positive, errors, 1.0))
     p_values = np.where(positive, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
     ends = zip((values - reach).tolist(), (values + reach).tolist(), varies.tolist(), strict=True)
-    ci95 = [(low, high) if own else None for low, high, own in ends]
+    ci95 = [(low, high) if is_known else None for low, high, is_known in ends]
     return list(map(Contrast, values.tolist(), ci95, p_values.tolist(), margins.tolist()))
 
 
-def _tested_by_ratio(first: float, others: Array, errors: Array, freedom: float, margins: Array) -> list[Contrast]:
-    """Test differences to other positive values ``(k,)`` by the standard errors of the log ratios.
+def _tested_by_ratio(first: float, second: Array, errors: Array, freedom: float, margins: Array) -> list[Contrast]:
+    """Test the differences of one value to positive second values ``(k,)``, by the standard errors of the log ratios.
 
     The ends of an interval are multiples of the smaller value, which is taken as known.
     """
-    smaller, larger = np.minimum(first, others), np.maximum(first, others)
-    signs = np.where(others > first, -1.0, 1.0)
-    ratios, varies, allowed = -np.log(larger / smaller), np.ones(len(others), dtype=bool), np.zeros((len(others), 2))
+    smaller, larger = np.minimum(first, second), np.maximum(first, second)
+    signs = np.where(second > first, -1.0, 1.0)
+    ratios, varies, allowed = -np.log(larger / smaller), np.ones(len(second), dtype=bool), np.zeros((len(second), 2))
     tested = _tested(0.0, ratios, errors, freedom, np.log1p(margins / smaller), varies, allowed)
     contrasts = []
-    for value, sign, base, limit, item in zip(first - others, signs, smaller, margins, tested, strict=True):
+    for value, sign, base, limit, item in zip(first - second, signs, smaller, margins, tested, strict=True):
         ends = sorted(sign * base * np.expm1(end) for end in item.ci95 or ())
         contrasts.append(Contrast(float(value), (float(ends[0]), float(ends[1])), item.p_value, float(limit)))
     return contrasts

@@ -161,7 +161,7 @@ def write_file(text: str, path: Path) -> None:
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:
-    """Rename; an earlier folder is moved away first, and moved back if the rename fails."""
+    """Rename a folder; an earlier one is moved away first, and moved back if the renaming fails."""
     if not folder.exists():
         os.replace(temporary, folder)
         return

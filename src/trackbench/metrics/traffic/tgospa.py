@@ -317,8 +317,8 @@ class _Gains:
 
     def of_group(self, objects: frozenset[int]) -> ObjectTrackPairs:
         """Return the pairs of a group of objects with the tracks near them."""
-        own = np.concatenate([self.of_object[item] for item in sorted(objects)])
-        return ObjectTrackPairs(self._pairs.object[own], self._pairs.track[own], self._pairs.gain.take(own, axis=1))
+        at = np.concatenate([self.of_object[item] for item in sorted(objects)])
+        return ObjectTrackPairs(self._pairs.object[at], self._pairs.track[at], self._pairs.gain.take(at, axis=1))
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:
