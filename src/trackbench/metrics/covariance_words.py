@@ -1,4 +1,4 @@
-"""A verdict on a covariance in plain words: about right, too small, much too large, outliers."""
+"""Verdicts on a covariance in plain words: about right, too small, much too large, outliers."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from trackbench.metrics.consistency import DIRECTIONS
 from trackbench.metrics.verdicts import HALVES, MEANING, mean_verdict, meaning
 from trackbench.results import ConditionScores, MetricValue
 
-#: How large a covariance is beside the errors, by the verdict on the mean NEES.
+#: Size of a covariance beside the errors, by the verdict on the mean NEES.
 SIZE = {"consistent": "about right", "optimistic": "too small", "pessimistic": "too large"}
 OUTLIERS = "outliers"
-#: From which factor between the mean NEES and its degrees of freedom a covariance is much too small or too large.
+#: Factor between the mean NEES and its degrees of freedom from which on a covariance is much too small or too large.
 MUCH = 2.0
-#: From which factor a mean that few runs leave open is said to look off.
+#: Factor from which on the size of a covariance looks wrong, if few runs leave the mean NEES undecided.
 LOOKS = 1.5
-#: What is said where the runs are too few, or too many estimates are missing.
+#: Words for too few runs, and for too many missing estimates.
 TOO_FEW, MISSING = "too few runs to say", "too many estimates missing"
 
 
 def verdict_in_words(
     metric: MetricValue, conditions: Mapping[str, ConditionScores] | None = None, *, whole: bool = True
 ) -> str:
-    """Return what a metric says of a covariance, such as "about right; too large across the motion".
+    """Return a verdict on a covariance in words, such as "about right; too large across the motion".
 
     Args:
-        metric: a NEES or NIS; the words are empty where it was not judged. The verdict on whiteness is a word already.
-        conditions: of the tracker, by which it is known whether estimates are missing.
-        whole: with where it is off; else of a covariance that is right in the mean alone "about right overall".
+        metric: NEES or NIS; without a verdict the words are empty. The verdict on whiteness is a word already.
+        conditions: scores of the tracker by condition, which tell whether estimates are missing.
+        whole: whether to add where it is off; else a covariance that is right in the mean is "about right overall".
     """
     if metric.value is None or metric.verdict is None:
         return ""
@@ -46,11 +46,11 @@ def verdict_in_words(
         off.setdefault(word, place)
     if metric.verdict in SIZE and size:
         return size + outliers
-    # Where it is right is said of one that is off elsewhere.
-    said = size or SIZE["consistent"]
-    others = [f"{word} {place}" for word, place in off.items() if word not in said]
+    # Places where the covariance is right are named only if it is off elsewhere.
+    size_word = size or SIZE["consistent"]
+    others = [f"{word} {place}" for word, place in off.items() if word not in size_word]
     if metric.verdict in SIZE and not others:
-        # Of few runs that leave no doubt.
+        # Few runs may leave no doubt though there is no interval.
         return SIZE[metric.verdict] + outliers
     if not size:
         return f"{' and '.join(others) if whole else 'off in places'}{outliers}" if others else f"{TOO_FEW}{outliers}"
@@ -58,7 +58,7 @@ def verdict_in_words(
 
 
 def _size(metric: MetricValue, dof: int) -> str:
-    """ "about right", "too small", "much too small" and so on, as the interval of the mean shows; else empty."""
+    """Return the size that the interval of the mean shows: "about right", "much too small" and so on; else empty."""
     verdict = metric.verdict if metric.ci95 is None else mean_verdict(metric.ci95, dof)
     word = SIZE.get(verdict or "", "")
     low, high = metric.ci95 or (float(metric), float(metric))
@@ -66,12 +66,11 @@ def _size(metric: MetricValue, dof: int) -> str:
 
 
 def _looks(ratio: float) -> str:
-    """ "looks too small", of a mean that few runs leave open."""
     return f"looks {SIZE['optimistic' if ratio > 1 else 'pessimistic']}"
 
 
 def _undecided(ratio: float, nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str:
-    """Why it cannot be said, and to which side a mean that is far off looks."""
+    """Return why there is no verdict, and to which side a mean that is far off looks."""
     enough_given = nees.dof is None or meaning(nees, conditions) == MEANING["undecided"]
     why = TOO_FEW if enough_given else MISSING
     if nees.dof is None or 1 / LOOKS < ratio < LOOKS:
@@ -80,13 +79,12 @@ def _undecided(ratio: float, nees: MetricValue, conditions: Mapping[str, Conditi
 
 
 def _places_off(nees: MetricValue) -> Iterator[tuple[str, str]]:
-    """Yield how large the covariance is, and where, for each place where it is off, the farthest off first; then where
-    it is right."""
+    """Yield the size of the covariance and the place where it is off, farthest off first, then where it is right."""
     every = [(item.verdict, _where(item.name), item.mean / (nees.dof or 4)) for item in nees.conditions or ()]
     parts = [(part, "") for part in nees.parts or ()]
     parts += [(part, f" {_where(item.name)}") for item in nees.conditions or () for part in item.parts]
     for part, where in parts:
-        # A share beyond a point of chi-square that is too large is an outlier's.
+        # Too large a share beyond a point of chi-square means outliers, not a size.
         place = _where(part.name) if part.name in DIRECTIONS else "in the tails"
         if part.verdict in SIZE:
             every.append((part.verdict, place + where, part.value / part.expected))
@@ -97,7 +95,7 @@ def _places_off(nees: MetricValue) -> Iterator[tuple[str, str]]:
 
 
 def _where(condition: str) -> str:
-    """A condition as it stands after a verdict: "while turning", "in velocity across the motion", "at 20 to 50 m"."""
+    """Return a condition in words: "while turning", "in velocity across the motion", "at 20 to 50 m"."""
     if condition in HALVES:
         return f"in {condition.removesuffix(' alone')}"
     if condition in DIRECTIONS:
