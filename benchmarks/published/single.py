@@ -183,4 +183,5 @@ sigma_v / A. The error, in units of sigma_w², is printed as a closed form. Ours
 AIR_TEXT = """\
 Bar-Shalom, Li and Kirubarajan (2001), section 11.7.4: position RMSE, m. The book has curves; the numbers are those
 of an independent program, whose number of runs is not known, and of a recursion for the exact expectation. Ours:
-`published/air_traffic`, 2,000 runs."""
+`published/air_traffic`, 2,000 runs. Of 20,000 runs they are 141.53 (141.41 to 141.66) and 108.47 (108.35 to 108.58):
+the printed numbers are off by 0.2 and 0.3, less than the standard error of 500 runs."""
