@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/command-line.md docs/glossary.md docs/doctor-reference.md
 
-.PHONY: help demo quick test test-all test-long fuzz real-faults calibration calibrated-worlds radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
+.PHONY: help demo quick test test-all test-long fuzz real-faults calibration calibrated-worlds radar worlds published lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -133,6 +133,10 @@ worlds: $(VENV)/.installed-dev
 	$(BIN)/trackbench run highway --worlds ideal,human,typical,recorded --scenes 20 --runs 20 --no-recording \
 	  --out results/worlds
 	$(BIN)/python -m benchmarks.worlds
+
+# Published numbers beside ours, and where we differ: results/published; needs TRACKBENCH_DATA; a minute.
+published: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.published
 
 # The envelopes that come with trackbench: some ten minutes.
 envelopes: $(VENV)/.installed-dev

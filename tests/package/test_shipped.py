@@ -42,8 +42,8 @@ def test_run_by_name(cli: Cli, tmp_path: Path) -> None:
 
 
 def test_a_folder_of_the_package_stands_for_its_scenarios(cli: Cli) -> None:
-    names = [f"published/range_3km_{case}" for case in "abcd"]
-    assert cli("check", "published").out.splitlines() == [f"{name}: ok" for name in names]
+    names = ["air_traffic", "constant_acceleration", *(f"range_3km_{case}" for case in "abcd")]
+    assert cli("check", "published").out.splitlines() == [f"published/{name}: ok" for name in names]
 
 
 @pytest.mark.parametrize("own", ["highway", "scripted/own_model"])
