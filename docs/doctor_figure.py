@@ -7,7 +7,7 @@ from pathlib import Path
 from trackbench.document.drawing import svg_file
 from trackbench.subjects.doctor.drive_figures import innovation_figure
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.subject import subject
+from trackbench.subjects.doctor.subject import find_tracker
 
 DOCS = Path(__file__).parent
 ALTERNATIVE = "Azimuth innovation of the radar over time, applied by the tracker and expected"
@@ -15,7 +15,7 @@ ALTERNATIVE = "Azimuth innovation of the radar over time, applied by the tracker
 
 def main() -> None:
     sys.path.insert(0, str(DOCS / "examples"))
-    examined = subject("sensor_fusion_student:Tracker", {})
+    examined = find_tracker("sensor_fusion_student:Tracker", {})
     doctor = Doctor(examined.sensors)
     run = doctor.evidence(doctor.examine(examined.name, examined.make), examined.make)[0]
     radar = next(one for one in run.innovations if one.sensor == "radar")

@@ -107,13 +107,13 @@ def test_a_tracker_of_one_is_named_by_the_same_name(cli: Cli) -> None:
 
 def test_the_module_beside_a_shipped_scenario_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the working directory is."""
-    from trackbench.subjects.doctor.subject import subject
+    from trackbench.subjects.doctor.subject import find_tracker
 
     if not (data_folder() / "udacity").is_dir():
         pytest.skip("no recording: set TRACKBENCH_DATA to the folder that holds udacity")
     monkeypatch.chdir(tmp_path)
     for name, tracker in load_scenario("recorded/udacity_ukf_tuning").config.trackers.items():
         if getattr(tracker, "use", "").startswith("published_ukf:"):
-            assert subject(f"recorded/udacity_ukf_tuning#{name}", {}).make()
+            assert find_tracker(f"recorded/udacity_ukf_tuning#{name}", {}).make()
             return
     pytest.fail("no scenario of the package has a module beside it")

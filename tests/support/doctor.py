@@ -23,7 +23,7 @@ from trackbench.subjects.doctor.assumptions import Assumptions
 from trackbench.subjects.doctor.drives import Rollout, TestDrive, rollout, simulate_drives
 from trackbench.subjects.doctor.examine import reference_tracker
 from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.subjects.doctor.isolated import filter_examined
+from trackbench.subjects.doctor.isolated import examine_filter
 from trackbench.subjects.doctor.probes import GENERAL, Probe, Probes, simplified
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -101,7 +101,7 @@ def built_in(method: str, **associate: Any) -> Make:
 
 @cache
 def _filter_of_nearest_global(sensors: tuple[str, ...]) -> tuple[list[CheckResult], list[Finding]]:
-    return filter_examined({name: SENSORS[name] for name in sensors}, looped(NearestGlobal))
+    return examine_filter({name: SENSORS[name] for name in sensors}, looped(NearestGlobal))
 
 
 def examine_filters_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,7 +111,7 @@ def examine_filters_once(monkeypatch: pytest.MonkeyPatch) -> None:
         checks, findings = _filter_of_nearest_global(tuple(sensors))
         return list(checks), list(findings)
 
-    monkeypatch.setattr(traffic, "filter_examined", examined)
+    monkeypatch.setattr(traffic, "examine_filter", examined)
 
 
 def scans_of(probe: Probe, names: tuple[str, ...] = ("lidar", "radar"), until: float = 0.0) -> list[Scan]:

@@ -11,7 +11,7 @@ from tests.support.scenes import NOISE, member, scan, tracker
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.report.tables import ranking_table
-from trackbench.subjects.doctor.subject import subject
+from trackbench.subjects.doctor.subject import find_tracker
 from trackbench.subjects.serve.session import served
 from trackbench.trackers.filtered import SmoothedTracker
 
@@ -95,7 +95,7 @@ def test_what_needs_a_tracker_that_works_step_by_step_says_so(tmp_path):
     path = tmp_path / "scenario.yaml"
     path.write_text(scenario.text.replace("ekf: {", "ekf: {smoother: rts, "))
     with pytest.raises(InputError, match="needs all measurements of a run"):
-        subject(f"{path}#ekf", {})
+        find_tracker(f"{path}#ekf", {})
     one = {"associate": {"method": "gnn"}, "filter": "kf", "motion": "cv", **NOISE["cv"], "smoother": "rts"}
     with pytest.raises(InputError, match="a smoother follows one object"):
         tb.load("traffic/truck_hides_car", {"trackers": {"one": one}})

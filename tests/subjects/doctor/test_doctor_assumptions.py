@@ -28,8 +28,8 @@ from trackbench.subjects.doctor.findings import (
 )
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Carrier, Probe, Probes, simplified, site_of
 from trackbench.subjects.doctor.report import Examination, examination_verdict
-from trackbench.subjects.doctor.session import Examined, MissGiven, TrackerSession
-from trackbench.subjects.doctor.subject import SENSORS, subject
+from trackbench.subjects.doctor.session import MissGiven, TrackerFactory, TrackerSession
+from trackbench.subjects.doctor.subject import SENSORS, find_tracker
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 REPOSITORY = ROOT
@@ -145,7 +145,7 @@ def test_a_scenario_with_a_radar_of_10_hz_alone(tmp_path: Path) -> None:
         "range_rate_sigma_mps: 0.1}}\n"
         "trackers: {ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3}}\n"
     )
-    of = subject(f"{file}#ekf", {})
+    of = find_tracker(f"{file}#ekf", {})
     assert of.observer == Carrier(30.0, -20.0, pytest.approx(np.deg2rad(100.0)))
     doctor = Doctor(of.sensors, observer=of.observer)
     found = doctor.examine(of.name, of.make)
@@ -160,7 +160,7 @@ def test_a_pose_that_is_left_out_is_no_ego_motion() -> None:
     """Of a radar that stands elsewhere than at the origin."""
     probes = Probes().standing().placed([site_of(RADAR["radar"].mount, STANDING)])
     sensors = {name: simplified(sensor) for name, sensor in RADAR.items()}
-    tracker = TrackerUnderTest(ignoring(PlainEkf), sensors, [], probes, 0, Assumptions(still="it stands"))
+    tracker = TrackerUnderTest(ignoring(PlainEkf), sensors, [], probes, 0, Assumptions(rest_reason="it stands"))
     found = expectation(tracker)
     assert "ego_motion" not in [check.name for check in found.checks]
     assert "ego_motion_ignored" not in [finding.fault for finding in found.findings]
@@ -194,7 +194,7 @@ class Constant:
 
 def test_without_misses_the_last_estimate_is_moved_by_its_velocity() -> None:
     scan = GENERAL[0].scan("lidar", SENSORS["lidar"], 0.0)
-    session = TrackerSession(Examined(Constant, no_misses=True))
+    session = TrackerSession(TrackerFactory(Constant, no_misses=True))
     session.step(scan)
     with pytest.raises(MissGiven):
         session.copy().step(empty_scan(scan))
@@ -228,7 +228,7 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
         [check("process_noise", False), check("noise_per_step", False)],
         [Finding("q_too_large", 0.9, ""), Finding("q_constant_per_step", 0.9, "")],
     )
-    applied = assumed.applied(
+    applied = assumed.apply(
         found, assumed.left_out(check_named("growth_by_noise"), ["radar"]), check_named("growth_by_noise")
     )
     assert [finding.fault for finding in applied.findings] == left
@@ -239,7 +239,7 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
 
 def test_the_findings_of_one_sensor_can_be_skipped() -> None:
     found = PartResult([], [Finding("r_too_large", 0.9, "", sensor=name) for name in ("lidar", "radar")])
-    applied = Assumptions(skip=("gain.radar",)).applied(found, [], check_named("gain"))
+    applied = Assumptions(skip=("gain.radar",)).apply(found, [], check_named("gain"))
     assert [one.sensor for one in applied.findings] == ["lidar"]
 
 
@@ -249,8 +249,8 @@ def check(name: str, passed: bool | None, *, skipped: bool = False, why: str = "
 
 def test_the_observer_of_a_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(REPOSITORY)
-    assert subject("ekf", {"motion": "cv", "acceleration_sigma_mps2": 3.0}).observer is None
-    fixed = subject("scenarios/roundabout.yaml#ekf_cv", {}).observer
+    assert find_tracker("ekf", {"motion": "cv", "acceleration_sigma_mps2": 3.0}).observer is None
+    fixed = find_tracker("scenarios/roundabout.yaml#ekf_cv", {}).observer
     assert fixed == Carrier(-34.0, 34.0, pytest.approx(-np.pi / 4))
     assert fixed is not None
     assert not fixed.moves

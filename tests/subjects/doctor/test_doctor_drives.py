@@ -118,7 +118,7 @@ def test_a_check_without_a_prediction_points_to_no_misses() -> None:
         ("motion_prediction", ["prediction"]),
         ("growth_by_noise", ["process_noise", "noise_per_step"]),
     ):
-        made = Doctor(SENSORS)._made(check_named(name), tracker)
+        made = Doctor(SENSORS)._make_check(check_named(name), tracker)
         assert [(check.name, check.passed, check.result) for check in made.checks] == [
             (name, None, NO_PREDICTION) for name in names
         ]

@@ -18,7 +18,7 @@ from trackbench.subjects.doctor.checks.steps import (
 )
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import PROVEN, Finding, rank_findings
-from trackbench.subjects.doctor.output_checks import asymmetric, indefinite, mirrored_entries
+from trackbench.subjects.doctor.output_checks import first_asymmetric_step, first_indefinite_step, mirrored_entries
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.subject import SENSORS
 
@@ -102,28 +102,28 @@ class TooMuch(PlainEkf):
 
 def test_the_step_that_makes_a_covariance_asymmetric() -> None:
     scans = scans_of(GENERAL[0])
-    found = asymmetric(OneSided, scans)
+    found = first_asymmetric_step(OneSided, scans)
     assert found is not None
     assert found.step == "prediction"
     # Q of px and vx is sigma^2 dt^3 / 2 on one side only; the first covariance has none.
     time = scans[2].time - scans[0].time
     assert found.after[0, 2] - found.after[2, 0] == pytest.approx(9.0 * time**3 / 2, rel=1e-6)
     assert "row px, column vx" in mirrored_entries(found)
-    found = asymmetric(Unsymmetric, scans)
+    found = first_asymmetric_step(Unsymmetric, scans)
     assert found is not None
     assert found.step == "update"
-    assert asymmetric(PlainEkf, scans) is None
+    assert first_asymmetric_step(PlainEkf, scans) is None
 
 
 def test_the_step_that_makes_a_covariance_indefinite() -> None:
     scans = scans_of(GENERAL[0])
-    found = indefinite(TooMuch, scans)
+    found = first_indefinite_step(TooMuch, scans)
     assert found is not None
     assert found.step == "update"
-    found = indefinite(partial(TooCorrelated, acceleration_sigma=300.0), scans)
+    found = first_indefinite_step(partial(TooCorrelated, acceleration_sigma=300.0), scans)
     assert found is not None
     assert found.step == "prediction"
-    assert indefinite(PlainEkf, scans) is None
+    assert first_indefinite_step(PlainEkf, scans) is None
 
 
 @pytest.mark.parametrize(

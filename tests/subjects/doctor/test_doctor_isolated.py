@@ -11,10 +11,10 @@ from tests.support.doctor import looped, tracker_of
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import Finding
-from trackbench.subjects.doctor.isolated import Isolated, filter_examined
+from trackbench.subjects.doctor.isolated import SingleObjectTracker, examine_filter
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic import ranked_together
+from trackbench.subjects.doctor.traffic import rank_together
 
 PROBE, LIDAR = GENERAL[0], {"lidar": SENSORS["lidar"]}
 
@@ -23,7 +23,7 @@ def scans(sensor: str, count: int) -> list[Scan]:
     return [PROBE.scan(sensor, SENSORS[sensor], 0.1 * k) for k in range(count)]
 
 
-def followed(tracker: Isolated, given: list[Scan]) -> list[Estimate | None]:
+def followed(tracker: SingleObjectTracker, given: list[Scan]) -> list[Estimate | None]:
     state, estimates = None, []
     for scan in given:
         state, estimate = tracker.step(state, scan)
@@ -36,7 +36,7 @@ def test_the_track_of_an_isolated_object_is_the_estimate_of_its_filter(sensor: s
     given = scans(sensor, 8)
     given.insert(6, empty_scan(given[5]._replace(time=0.55)))
     own, time = Track(_detection(given[0]), 0.0), 0.0
-    found = followed(Isolated(looped(NearestGlobal)), given)
+    found = followed(SingleObjectTracker(looped(NearestGlobal)), given)
     assert found[:2] == [None, None]
     for k, scan in enumerate(given[1:], 1):
         own.predict(scan.time - time, 3.0)
@@ -59,20 +59,20 @@ def test_another_track_is_answered_with_only_where_it_is_detected() -> None:
     jump = given[-1]._replace(measurement=given[-1].measurement + 200.0)
     later = [jump._replace(time=0.6 + 0.1 * k) for k in range(4)]
     far = [empty_scan(jump._replace(time=1.0 + 0.1 * k)) for k in range(12)]
-    *_, last = followed(Isolated(looped(NearestGlobal, max_age=0.3)), given + later)
+    *_, last = followed(SingleObjectTracker(looped(NearestGlobal, max_age=0.3)), given + later)
     assert last is not None
     assert last.mean[0] > 100
-    assert followed(Isolated(looped(NearestGlobal, max_age=0.3)), given + far)[-1] is None
+    assert followed(SingleObjectTracker(looped(NearestGlobal, max_age=0.3)), given + far)[-1] is None
 
 
 def test_a_wrong_time_step_is_named() -> None:
-    _, findings = filter_examined(LIDAR, looped(tracker_of("predicted_by_one_period")))
+    _, findings = examine_filter(LIDAR, looped(tracker_of("predicted_by_one_period")))
     assert findings[0].fault == "wrong_dt"
 
 
 @pytest.mark.parametrize("name", ["gnn", "sort_like"])
 def test_the_filters_of_sound_trackers_have_no_fault(name: str) -> None:
-    checks, findings = filter_examined(LIDAR, looped(tracker_of(name)))
+    checks, findings = examine_filter(LIDAR, looped(tracker_of(name)))
     assert findings == []
     assert [check.name for check in checks if check.passed is False] == []
     assert {"prediction", "equations"} <= {check.name for check in checks if check.passed}
@@ -84,7 +84,7 @@ def test_a_tracker_that_cannot_be_copied_is_said_not_to_be_examined() -> None:
             super().__init__()
             self.generator = (number for number in range(3))
 
-    checks, findings = filter_examined(LIDAR, looped(Held))
+    checks, findings = examine_filter(LIDAR, looped(Held))
     assert findings == []
     assert [(check.name, check.passed) for check in checks] == [("filter", None)]
     assert "cannot be copied (TypeError: cannot pickle 'generator' object" in checks[0].result
@@ -106,7 +106,7 @@ def finding(fault: str, cause: str | None = None) -> Finding:
 def test_what_a_wrong_filter_does_to_its_tracks_is_its_consequence(
     of_filter: list[str], of_tracks: list[str], expected: list[str]
 ) -> None:
-    found = ranked_together(list(map(finding, of_filter)), list(map(finding, of_tracks)))
+    found = rank_together(list(map(finding, of_filter)), list(map(finding, of_tracks)))
     assert [
         finding.fault + (f"<{finding.consequence_of}" if finding.consequence_of else "") for finding in found
     ] == expected

@@ -14,7 +14,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.modes import modes
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.inside.pinned import models_alone
+from trackbench.subjects.doctor.inside.pinned import single_models
 from trackbench.subjects.doctor.probes import Probes
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -181,11 +181,11 @@ def test_a_filter_without_models_is_asked_nothing() -> None:
 def test_a_model_alone_is_its_filter(make: type) -> None:
     """Its answers are those of the filter of that model."""
     tracker = under_test(make)
-    models = models_alone(tracker)
+    models = single_models(tracker)
     assert len(models) == len(getattr(make, "sigmas", (0, 0)))
     scan = tracker.probes.general[0].scan("lidar", tracker.sensors["lidar"], 1.0)
     for model, sigma in zip(models, getattr(make, "sigmas", (0.5, 5.0)), strict=True):
-        with model.alone() as alone:
+        with model.as_tracker() as alone:
             trial = alone.trial(alone.probes.general[0], "lidar", ("lidar",))
             assert trial is not None
             now = trial.prediction

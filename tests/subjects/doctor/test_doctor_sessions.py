@@ -64,10 +64,10 @@ def test_each_column_is_answered_as_alone_and_the_session_stays(make: Callable[[
     for answer, scan in zip(wide.peek_each(tried), tried, strict=True):
         same(answer, alone.peek(scan))
     same(wide.step(NEXT), alone.step(NEXT))
-    assert wide.at_once == 3
+    assert wide.peek_limit == 3
     wide.step_each(tried)
-    assert wide.at_once == 1
-    assert [float(wide.given_to(i)[-1].measurement[0]) for i in range(3)] == [float(s.measurement[0]) for s in tried]
+    assert wide.peek_limit == 1
+    assert [float(wide.scans_of(i)[-1].measurement[0]) for i in range(3)] == [float(s.measurement[0]) for s in tried]
 
 
 def test_one_that_fails_to_start_leaves_the_others() -> None:

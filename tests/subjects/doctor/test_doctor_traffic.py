@@ -12,7 +12,7 @@ from tests.support.doctor import SITES, Make, built_in, examine_filters_once, lo
 
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
-from trackbench.subjects.doctor.subject import SENSORS, subject
+from trackbench.subjects.doctor.subject import SENSORS, find_tracker
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 from trackbench.subjects.doctor.traffic_checks.association import (
     allowed_pair,
@@ -127,12 +127,12 @@ def test_a_tracker_of_the_other_kind_is_known_as_one(
 )
 def test_a_scenario_says_which_identities_its_trackers_have(target: str, identities: Identities, own: str) -> None:
     with pytest.raises(InputError, match=f"the scenario's identities are {own}: leave --identities out"):
-        subject(target, {}, identities=identities)
+        find_tracker(target, {}, identities=identities)
 
 
 def test_the_oracle_is_not_examined() -> None:
     with pytest.raises(InputError, match="told the true origins"):
-        subject("traffic/dense_highway#oracle", {})
+        find_tracker("traffic/dense_highway#oracle", {})
 
 
 CHECKS = (nearer_of_two, predicted_place, allowed_pair, missed_among_others, ended_alone)

@@ -1,4 +1,8 @@
-"""Examines a tracker and names its faults."""
+"""Examination of a tracker: it names the tracker's faults, each with its evidence and its fix.
+
+In come a tracker, and the sensors and the observer of its scenario; out go an ``Examination``, a page and a recording.
+Read ``examine.py`` first: it makes the checks of ``checks/`` one after the other.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

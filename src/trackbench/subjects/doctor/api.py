@@ -1,4 +1,4 @@
-"""Examining a tracker from Python."""
+"""The function ``trackbench.doctor``, which examines a tracker from Python."""
 
 from __future__ import annotations
 
@@ -27,52 +27,49 @@ from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.report import Examination, examination_verdict
 from trackbench.subjects.doctor.session import TrackerSession
-from trackbench.subjects.doctor.subject import lives_elsewhere, subject, subject_in
+from trackbench.subjects.doctor.subject import find_tracker, find_tracker_in, gets_own_process
 from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
 from trackbench.testing.drives import drive, hidden_drive
 from trackbench.testing.rules import Identities, gives_reports
 
 
-def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *, hidden: bool) -> str:
-    """What to say of a class that failed, if it bears scans of the other kind; else nothing.
+def hint_at_identities(target: str, options: Mapping[str, Any], isolation: Isolation, *, hidden: bool) -> str:
+    """Return a hint if a class that failed takes scans with the other kind of identities; else an empty text.
 
     Args:
         target: ``module:Class`` or a published name.
-        options: its arguments.
-        isolation: whether it gets a process of its own.
+        options: arguments of the class.
+        isolation: whether the class gets a process of its own.
         hidden: whether it was examined as a tracker of several objects.
     """
 
-    def of_one() -> Iterator[bool]:
-        session = TrackerSession(subject(target, options, None, isolation).make)
+    def answers_of_one_object() -> Iterator[bool]:
+        session = TrackerSession(find_tracker(target, options, None, isolation).make)
         scans = drive(["lidar", "radar"] * 10, [0.05 * number for number in range(20)])
         return (session.step(scan) is not None for scan in scans)
 
-    def of_several() -> Iterator[bool]:
-        session = MultiObjectSession(subject(target, options, None, isolation, "hidden").make)
+    def answers_of_several_objects() -> Iterator[bool]:
+        session = MultiObjectSession(find_tracker(target, options, None, isolation, "hidden").make)
         return (len(session.step(scan).ids) > 0 for scan in hidden_drive())
 
     if hidden:
-        return f"{target} follows one object: choose known" if gives_reports(of_one) else ""
-    return f"{target} follows several objects: choose hidden" if gives_reports(of_several) else ""
+        return f"{target} follows one object: choose known" if gives_reports(answers_of_one_object) else ""
+    return f"{target} follows several objects: choose hidden" if gives_reports(answers_of_several_objects) else ""
 
 
-def _examined_there(
+def _examine_in_own_process(
     tracker: str, request: Mapping[str, Any], isolation: Isolation, progress: Progress
 ) -> Examination | None:
-    """Examine a tracker within the process that it gets; None where it gets none, or where that process ends.
+    """Examine a tracker within its own process; return None where it gets none, or that process ends.
 
-    A tracker whose process ends is then examined from here, which finds the step at which it ends.
-
-    Raises:
-        TrackbenchError: it cannot be examined.
+    A tracker whose process ends is then examined from this process, which finds the step at which it ends.
     """
-    if not lives_elsewhere(tracker, isolation):
+    if not gets_own_process(tracker, isolation):
         return None
     process = None
     try:
         process = TrackerProcess(isolation, *host_command(tracker))
-        answer = process.work(f"{__name__}:examined_here", {"tracker": tracker, **request}, progress)
+        answer = process.work(f"{__name__}:examine_here", {"tracker": tracker, **request}, progress)
     except TrackFault:
         return None
     finally:
@@ -83,13 +80,13 @@ def _examined_there(
     return answer if isinstance(answer, Examination) else None
 
 
-def examined_here(tracker: str, progress: Progress, **request: Any) -> Examination | TrackbenchError:
-    """Examine a tracker in this process; return the error of one that cannot be examined.
+def examine_here(tracker: str, progress: Progress, **request: Any) -> Examination | TrackbenchError:
+    """Examine a tracker in this process; return the error if it cannot be examined.
 
     Args:
         tracker: ``module:Class`` or a published name.
-        progress: as of :func:`doctor`.
-        request: further arguments of :func:`doctor`.
+        progress: called with the number of steps done, and about the number of all.
+        **request: further arguments of :func:`doctor`.
     """
     try:
         return doctor(tracker, in_process=True, progress=progress, **request)
@@ -98,8 +95,8 @@ def examined_here(tracker: str, progress: Progress, **request: Any) -> Examinati
 
 
 @contextmanager
-def _set_aside() -> Iterator[None]:
-    """What the tracker prints goes to stderr, and its warnings are dropped: the checks look for the same faults."""
+def _redirect_prints() -> Iterator[None]:
+    """Send what the tracker prints to stderr, and drop its warnings: the checks look for the same faults."""
     with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         yield
@@ -125,21 +122,21 @@ def doctor(
     Args:
         tracker: ``SCENARIO#NAME``, ``module:Class``, a published name, or the class itself.
         options: arguments of the class; not with ``SCENARIO#NAME``.
-        scenario: the file whose sensors and observer are used, instead of those of the tracker's own scenario, or else
-            of a radar and a lidar that stand still and move.
-        identities: ``hidden`` of a class that follows several objects.
-        static_sensors: whether no sensor moves: nothing is tried with moving ones.
-        no_misses: whether every scan has a detection: no others are given.
-        skip: checks that are left out, by name or by name and sensor: ``gain``, ``gain.radar``.
-        in_process: whether a tracker that is not built in gets no process of its own: for a debugger.
-        tracker_timeout: longest time that one may take to answer a scan, s.
-        tracker_memory: most memory that one may take, GB; a quarter of the machine's or container's unless given.
-        out: the folder of the findings, the report and the replay; nothing is written unless given.
-        progress: called with the number of steps done and of all, about, of the examination and then of its evidence.
+        scenario: file whose sensors and observer are used. By default those of the tracker's own scenario, or else a
+            radar and a lidar that stand still and move.
+        identities: ``hidden`` for a class that follows several objects.
+        static_sensors: whether no sensor moves; then nothing is tried with moving sensors.
+        no_misses: whether every scan has a detection; then the tracker is given no other scans.
+        skip: checks to leave out, by name or by name and sensor: ``gain``, ``gain.radar``.
+        in_process: whether a tracker that is not built in runs in this process, for a debugger.
+        tracker_timeout: longest time that a tracker that is not built in may take to answer a scan, s.
+        tracker_memory: most memory that such a tracker may take, GB; by default a quarter of what there is.
+        out: folder for the findings, the report and the replay; nothing is written by default.
+        progress: called with the number of steps done and about the number of all.
 
     Raises:
         InputError: there is no such scenario, tracker, module or check, or it does not take the options.
-        CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any.
+        CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any scan.
         TrackFault: the tracker's process ended before anything could be asked.
         TrackbenchError: the folder cannot be written.
     """
@@ -157,13 +154,14 @@ def doctor(
     if out is not None:
         results.require_replaceable(Path(out), EXAMINATION)
         results.require_writable(Path(out).parent)
-    if (there := _examined_there(tracker, request, isolation, progress)) is not None:
+    if (examination := _examine_in_own_process(tracker, request, isolation, progress)) is not None:
         if out is not None:
-            there.save(out)
-        return there
-    with _set_aside():
+            examination.save(out)
+        return examination
+    with _redirect_prints():
         try:
-            examined = subject(tracker, values, None if scenario is None else Path(scenario), isolation, identities)
+            file = None if scenario is None else Path(scenario)
+            examined = find_tracker(tracker, values, file, isolation, identities)
         except TrackFault as fault:
             raise InputError(f"{tracker!r} does not start: {fault}") from fault
         if not examined.multi_object:
@@ -175,18 +173,19 @@ def doctor(
             if examined.multi_object:
                 examination = TrafficDoctor(examined.sensors).examine(examined.name, examined.make, progress)
             else:
-                ready = Doctor(
+                examiner = Doctor(
                     examined.sensors,
                     observer=examined.observer,
                     static_sensors=static_sensors,
                     no_misses=no_misses,
                     skip=skip,
                 )
-                examination = ready.examine(examined.name, examined.make, progress)
-                evidence = ready.evidence(examination, examined.make, progress)
+                examination = examiner.examine(examined.name, examined.make, progress)
+                evidence = examiner.evidence(examination, examined.make, progress)
                 examination = replace(examination, evidence=tuple(evidence))
         except (CannotRun, TrackFault) as error:
-            hint = "" if "#" in tracker else other_kind(tracker, values, isolation, hidden=examined.multi_object)
+            hidden = examined.multi_object
+            hint = "" if "#" in tracker else hint_at_identities(tracker, values, isolation, hidden=hidden)
             if hint:
                 raise InputError(hint, key="identities") from error
             raise
@@ -197,17 +196,20 @@ def doctor(
 
 
 def remark(loaded: Scenario, tracker: str) -> str | None:
-    """The verdict on a tracker with the evidence of its first cause; None where it is healthy or cannot be examined.
+    """Return the verdict on a tracker with the evidence of its first root cause.
+
+    None where the tracker is healthy or cannot be examined.
 
     Args:
-        loaded: the scenario, whose sensors and observer are used.
-        tracker: its name.
+        loaded: scenario with the tracker, its sensors and its observer.
+        tracker: name of the tracker.
     """
-    with _set_aside():
+    with _redirect_prints():
         try:
-            of = subject_in(loaded, tracker)
-            own = TrafficDoctor(of.sensors) if of.multi_object else Doctor(of.sensors, observer=of.observer)
-            examination = own.examine(of.name, of.make)
+            examined = find_tracker_in(loaded, tracker)
+            sensors, observer = examined.sensors, examined.observer
+            examiner = TrafficDoctor(sensors) if examined.multi_object else Doctor(sensors, observer=observer)
+            examination = examiner.examine(examined.name, examined.make)
         except (InputError, CannotRun, TrackFault):
             return None
     if examination.healthy:

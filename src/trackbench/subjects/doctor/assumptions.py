@@ -1,4 +1,4 @@
-"""What the user states of the tracker and its sensors, and the checks that are not made for it."""
+"""Statements of the user about the tracker and its sensors, and the checks that are left out because of them."""
 
 from __future__ import annotations
 
@@ -19,50 +19,50 @@ from trackbench.subjects.doctor.findings import (
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What an examination takes for granted."""
+    """Statements of the user that an examination takes for granted."""
 
     no_misses: bool = False
-    """Every scan has a detection."""
+    """Whether every scan has a detection."""
     skip: tuple[str, ...] = ()
-    """Checks that the user does not ask for, by name or by name and sensor: ``gain``, ``gain.radar``."""
-    still: str = ""
-    """Why no observer moves; nothing where one does."""
+    """Checks that the user leaves out, by name or by name and sensor: ``gain``, ``gain.radar``."""
+    rest_reason: str = ""
+    """Reason why no observer moves; empty where one does."""
     late: Mapping[str, float] = field(default_factory=dict)
     """Latency of each sensor whose scans come late, s."""
 
-    def left_out(self, check: DoctorCheck[Any], sensors: Sequence[str], why: str | None = None) -> list[CheckResult]:
-        """The questions of a check that are not asked, with the reason.
+    def left_out(self, check: DoctorCheck[Any], sensors: Sequence[str], reason: str | None = None) -> list[CheckResult]:
+        """Return the questions of a check that are not asked, with the reason.
 
         Args:
-            check: its record.
-            sensors: those for each of which it asks some.
-            why: of all others of it too.
+            check: record of the check.
+            sensors: names of the sensors.
+            reason: reason for which none of its questions is asked.
         """
         results = []
         for question in check.questions:
-            reason = self._reason(question) or why
-            asked_of = self.late if question.late else sensors
-            names = [f"{question.name}.{sensor}" for sensor in asked_of] if question.each_sensor else [question.name]
+            question_reason = self._reason(question) or reason
+            asked = self.late if question.late else sensors
+            names = [f"{question.name}.{sensor}" for sensor in asked] if question.each_sensor else [question.name]
             for name in names:
                 if question.name in self.skip or name in self.skip:
                     results.append(CheckResult(name, question.asks, None, "skipped (--skip)", skipped=True))
-                elif reason is not None:
-                    results.append(CheckResult(name, question.asks, None, reason))
+                elif question_reason is not None:
+                    results.append(CheckResult(name, question.asks, None, question_reason))
         return results
 
-    def applied(self, result: PartResult, left_out: Sequence[CheckResult], check: DoctorCheck[Any]) -> PartResult:
-        """The result of a check, with the questions that are not asked in place of their answers."""
-        names = {one.name for one in left_out}
-        made = [one for one in result.checks if one.name not in names]
-        return PartResult([*made, *left_out], [one for one in result.findings if not self._drops(one, check)])
+    def apply(self, result: PartResult, left_out: Sequence[CheckResult], check: DoctorCheck[Any]) -> PartResult:
+        """Return the result of a check with the questions that are not asked in place of their answers and findings."""
+        names = {check_result.name for check_result in left_out}
+        made = [check_result for check_result in result.checks if check_result.name not in names]
+        findings = [find for find in result.findings if not self._answers_excluded_question(find, check)]
+        return PartResult([*made, *left_out], findings)
 
     def _reason(self, question: Question) -> str | None:
         if question.misses and self.no_misses:
             return "it needs scans without a detection (--no-misses)"
-        return f"it needs an observer that moves ({self.still})" if question.motion and self.still else None
+        return f"it needs an observer that moves ({self.rest_reason})" if question.motion and self.rest_reason else None
 
-    def _drops(self, finding: Finding, check: DoctorCheck[Any]) -> bool:
-        """Whether a finding is that of a question that is not asked."""
+    def _answers_excluded_question(self, finding: Finding, check: DoctorCheck[Any]) -> bool:
         return any(
             f"{question.name}.{finding.sensor}" in self.skip
             or (finding.fault in question.finds and (question.name in self.skip or self._reason(question) is not None))
@@ -74,20 +74,20 @@ NONE = Assumptions()
 
 
 def require_known_checks(names: Iterable[str], sensors: Iterable[str], key: str = "skip") -> None:
-    """Refuse a name that is no check's.
+    """Raise an error for a name that no check has.
 
     Args:
-        names: of checks, or of one of a sensor: ``gain.radar``.
-        sensors: their names.
-        key: what is said to have the wrong name.
+        names: names of checks, or of the check of one sensor: ``gain.radar``.
+        sensors: names of the sensors.
+        key: key or option that the error names.
 
     Raises:
         InputError: there is no such check; the message has the nearest name.
     """
-    of_sensors = list(sensors)
+    sensor_names = list(sensors)
     valid: list[str] = []
     for name, question in questions().items():
-        valid += [name, *(f"{name}.{sensor}" for sensor in of_sensors if question.each_sensor)]
+        valid += [name, *(f"{name}.{sensor}" for sensor in sensor_names if question.each_sensor)]
     for name in names:
         if name not in valid:
             hints = filter(None, [did_you_mean(similar_names(name, valid)), "`trackbench list checks` shows all"])

@@ -1,4 +1,4 @@
-"""How sure the name of a fault is, as one of three words; and the glossary's pages of faults and checks."""
+"""Certainty of the name of a fault as one of three words, and the glossary's pages of faults and checks."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from trackbench.subjects.doctor.findings import (
 )
 
 Word = Literal["shown", "likely", "unclear"]
-#: Least confidence of a finding with each word.
+#: Least confidence of a finding for each word.
 LEAST: dict[Word, float] = {"shown": CERTAIN, "likely": SURE, "unclear": 0.0}
-#: What a reader is told of the words of an examination.
+#: Meanings of the words of an examination, for users.
 MEANING = {
     "shown": "No other fault looks like this one, and it explains all failed checks.",
     "likely": "There is evidence of this fault beside the errors of drives, and it explains at least half of the "
@@ -37,21 +37,21 @@ MEANING = {
 
 
 class Certainty(NamedTuple):
-    """How sure a name is, and what it explains."""
+    """Certainty of the name of a fault, and the failed checks that the fault explains."""
 
     word: Word
     explained: int
-    """Failed checks whose own findings are this one or its consequences."""
+    """Number of failed checks that found the fault or its consequences."""
     besides: tuple[str, ...]
-    """The other failed checks, by name."""
+    """Names of the failed checks that the fault does not explain."""
 
     @property
     def failed(self) -> int:
-        """How many checks failed."""
+        """Number of failed checks."""
         return self.explained + len(self.besides)
 
     def __str__(self) -> str:
-        """ "likely, explains 5 of 7 failed checks"."""
+        """Return a text such as "likely, explains 5 of 7 failed checks"."""
         if not self.failed:
             return self.word
         share = f"{self.explained} of " if self.besides else "" if self.failed == 1 else "all "
@@ -59,15 +59,15 @@ class Certainty(NamedTuple):
 
 
 def certainty(findings: Sequence[Finding], checks: Sequence[CheckResult], cause: Finding | None) -> Certainty:
-    """Say how sure the name of a root cause is.
+    """Return how sure the name of a root cause is.
 
-    ``shown`` is an exact finding (no other fault looks like it) that explains all failed checks. ``likely`` is one with
-    evidence of its own, beside the errors of drives, that explains at least half of them. All else is ``unclear``.
+    ``shown``: an exact finding (no other fault looks like it) that explains all failed checks. ``likely``: a finding
+    with evidence beside the errors of drives that explains at least half of them. ``unclear``: any other.
 
     Args:
         findings: all findings of the examination.
         checks: all checks of the examination.
-        cause: the root cause. None explains nothing.
+        cause: root cause; None explains no failed check.
     """
     failed = [check for check in checks if check.passed is False]
     if cause is None:
@@ -85,7 +85,7 @@ def certainty(findings: Sequence[Finding], checks: Sequence[CheckResult], cause:
 
 
 def faults_terms() -> Iterator[TermPage]:
-    """Every fault that the doctor can name."""
+    """Yield a glossary page for each fault that the doctor can name."""
     found_by: dict[str, list[str]] = {}
     for package in (CHECKS, TRAFFIC_CHECKS):
         for check in checks_of(package):
@@ -103,24 +103,24 @@ def faults_terms() -> Iterator[TermPage]:
 
 
 def checks_terms() -> Iterator[TermPage]:
-    """Every question that is asked of a tracker."""
+    """Yield a glossary page for each question that is asked of a tracker."""
     for package in (CHECKS, TRAFFIC_CHECKS):
         for check in checks_of(package):
             for question in check.questions:
-                yield TermPage(question.name, tuple(_of_check(check, question)))
+                yield TermPage(question.name, tuple(_check_page(check, question)))
 
 
 def listed_checks() -> Iterator[tuple[str, str]]:
-    """Name and question of every check, for ``trackbench list``."""
+    """Return name and question of every check, for ``trackbench list``."""
     return ((term.name, term.page[0][1]) for term in checks_terms())
 
 
 def examination_terms() -> Iterator[TermPage]:
-    """The words that an examination uses."""
+    """Return a glossary page for each word that an examination uses."""
     return (TermPage(word, (("in an examination", text),)) for word, text in MEANING.items())
 
 
-def _of_check(check: DoctorCheck[...], question: Question) -> Iterator[tuple[str, str]]:
+def _check_page(check: DoctorCheck[...], question: Question) -> Iterator[tuple[str, str]]:
     each = " For each sensor." if question.each_sensor else ""
     yield "check", f"{(question.full or question.asks).format(sensor='a sensor')}{each}"
     how = (inspect.getdoc(check.make) or "").partition("\n\n")[0]

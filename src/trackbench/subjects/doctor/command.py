@@ -1,4 +1,4 @@
-"""``trackbench doctor``"""
+"""The command ``trackbench doctor``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FOUND = 1
 CANNOT_RUN = 3
-#: Letters of the first line that a tracker prints.
+#: Number of letters that are shown of the first line that a tracker prints.
 FIRST = 200
 
 
@@ -68,7 +68,7 @@ def doctor_command(
     """Find the faults of a tracker, with evidence.
 
     TRACKER is SCENARIO#NAME, module:Class, a published name, or a program by its path. It is
-    tried on single measurements and on test drives, each of which shows one kind of fault, and compared with a
+    tried on single measurements and on test drives, each for one kind of fault, and compared with a
     reference.
 
     \b
@@ -91,12 +91,12 @@ def doctor_command(
 
     require_tracker(tracker)
     name = tracker.rpartition("#")[2]
-    # Without characters that a folder cannot have on some systems.
+    # Some systems do not allow the other characters in the name of a folder.
     folder = out or Path("results", "doctor", re.sub(r"[^\w.-]+", "_", name).strip(".") or "tracker")
     results.require_replaceable(folder, EXAMINATION)
     results.require_writable(folder.parent)
     try:
-        with prints_folded(), progress(f"examining {name}", "steps") as advance:
+        with fold_prints(), progress(f"examining {name}", "steps") as advance:
             examination = doctor(
                 tracker,
                 options=dict(_option(item) for item in options),
@@ -130,8 +130,8 @@ def doctor_command(
 
 
 @contextmanager
-def prints_folded() -> Iterator[None]:
-    """Say in one line, at the end, what trackers in processes of their own have printed."""
+def fold_prints() -> Iterator[None]:
+    """Print at the end, in one line, what trackers in processes of their own have printed."""
     from trackbench.driving.process import printing_to
 
     with TemporaryFile() as file:
@@ -148,7 +148,7 @@ def prints_folded() -> Iterator[None]:
 
 
 def require_tracker(tracker: str) -> None:
-    """Refuse the name of a file in place of a class in it. Nothing in the file is run.
+    """Refuse a Python file in place of a class in it, and the folder of a run; run nothing in the file.
 
     Raises:
         InputError: a Python file, or the folder of a run, is named.

@@ -14,42 +14,40 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.trackers.answers import Tracker, shaped_estimate, unpack
 
-#: Time from the last scan to that by which copies are tried, s.
-TRIED = 0.05
+#: Time from the last scan to the one with which copies are tried, s.
+COPY_TRIAL_S = 0.05
 SHARED = "its copies share its state"
-#: How the message of `CannotCopy` begins.
+#: Beginning of the message of `CannotCopy`.
 NOT_COPIED = "it cannot be copied"
 
 
 class CannotCopy(TrackbenchError):
-    """A tracker that ``copy.deepcopy`` cannot copy, and that does not repeat its answers."""
+    """Error of a tracker that ``copy.deepcopy`` cannot copy, and that does not repeat its answers."""
 
 
 class CopyableTracker:
-    """A tracker with its state; its answers have the right shapes and are not checked further.
+    """A tracker with its state and its copies; its answers have the right shapes and are not checked further.
 
-    A copy is made by ``copy.deepcopy``. Where that fails (an open file, a module, a lock, a generator), or the copy
-    shares its state with the original (a handle of C code), it is a fresh tracker that is given the same scans again.
+    A copy is made by ``copy.deepcopy``. That fails with an open file, a module, a lock or a generator, and shares the
+    state of C code behind a handle. The copy is then a fresh tracker that is given the same scans again.
 
     Args:
-        make: gives a fresh tracker.
+        make: makes a fresh tracker.
     """
 
     def __init__(self, make: Callable[[], Tracker]) -> None:
         self._make = make
         self.tracker: Any = make()
         self.state: Any = None
-        self.given: list[Scan] = []
-        """The scans so far."""
+        self.scans: list[Scan] = []
         self.latest: Estimate | None = None
         """The estimate after the last scan."""
         self.not_copied: str | None = None
-        """Why ``copy.deepcopy`` does not copy the tracker; None while it has not failed."""
+        """Reason why ``copy.deepcopy`` does not copy the tracker; None while it has not failed."""
         self._is_tried = False
 
     @property
     def batched(self) -> bool:
-        """Whether the tracker says that it takes a batch at once."""
         return bool(getattr(self.tracker, "batched", False))
 
     def step(self, scan: Scan) -> Estimate | None:
@@ -60,7 +58,7 @@ class CopyableTracker:
         """
         self.state, answer = unpack(self.tracker.step(self.state, scan))
         self.latest = shaped_estimate(answer, scan)
-        self.given.append(scan)
+        self.scans.append(scan)
         return self.latest
 
     def copy(self) -> CopyableTracker:
@@ -68,11 +66,11 @@ class CopyableTracker:
 
         Raises:
             CannotCopy: the tracker can neither be copied nor repeated.
-            TrackFault: its process has ended.
+            TrackFault: the tracker's process has ended.
         """
         if self.not_copied is None:
             try:
-                if self.given and not self._is_tried:
+                if self.scans and not self._is_tried:
                     self._is_tried = True
                     self._require_own_state()
                 if self.not_copied is None:
@@ -81,33 +79,35 @@ class CopyableTracker:
                 raise
             except Exception as error:
                 self.not_copied = fault_of(error).cause
-        return self._repeated()
+        return self._repeat()
 
     def _twin(self) -> CopyableTracker:
         if hasattr(self.tracker, "__del__") and not hasattr(self.tracker, "__deepcopy__"):
             raise TrackbenchError("it has a destructor, which the end of a copy would call")
         twin = copy.copy(self)
         twin.tracker, twin.state = copy.deepcopy((self.tracker, self.state))
-        twin.given = list(self.given)
+        twin.scans = list(self.scans)
         return twin
 
     def _require_own_state(self) -> None:
-        """Step one copy, then another: if they differ, the first may have moved this one too. It is repeated then, as
-        only a tracker that draws no random numbers can be."""
-        last = self.given[-1]
-        tried = last._replace(time=last.time + TRIED)
-        one, other = self._twin(), self._twin()
-        with suppress(Exception):
-            if _gap(one.step(tried), other.step(tried)) > 0.0:
-                again = self._repeated()
-                self.tracker, self.state, self.not_copied = again.tracker, again.state, SHARED
+        """Repeat this tracker if two copies give different estimates: one of them may have moved this one too.
 
-    def _repeated(self) -> CopyableTracker:
+        Only a tracker that draws no random numbers can be repeated.
+        """
+        last = self.scans[-1]
+        scan = last._replace(time=last.time + COPY_TRIAL_S)
+        first, second = self._twin(), self._twin()
+        with suppress(Exception):
+            if _gap(first.step(scan), second.step(scan)) > 0.0:
+                repetition = self._repeat()
+                self.tracker, self.state, self.not_copied = repetition.tracker, repetition.state, SHARED
+
+    def _repeat(self) -> CopyableTracker:
         twin = CopyableTracker(self._make)
         twin.not_copied = self.not_copied
-        problem = f"{NOT_COPIED} ({self.not_copied}), and a fresh one that is given the same {len(self.given)} scans"
+        problem = f"{NOT_COPIED} ({self.not_copied}), and a fresh one that is given the same {len(self.scans)} scans"
         try:
-            for scan in self.given:
+            for scan in self.scans:
                 twin.step(scan)
         except Exception as error:
             raise CannotCopy(f"{problem} raises {fault_of(error).cause}") from error
@@ -118,7 +118,7 @@ class CopyableTracker:
 
 
 def _gap(estimate: Estimate | None, other: Estimate | None) -> float:
-    """Largest difference of two means; infinite where only one of them is there, or one is not finite."""
+    """Return the largest difference of two means; infinite where only one of them exists, or one is not finite."""
     if estimate is None or other is None:
         return 0.0 if estimate is other else np.inf
     if np.array_equal(estimate.mean, other.mean, equal_nan=True):

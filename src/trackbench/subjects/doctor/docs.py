@@ -1,4 +1,4 @@
-"""Faults and checks as docs/doctor-reference.md, printed by ``python -m trackbench.subjects.doctor.docs``."""
+"""The page docs/doctor-reference.md, as ``python -m trackbench.subjects.doctor.docs`` prints it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DRIVE = "Is the tracker as near to its target as it states ("
 
 
 def doctor_reference() -> str:
-    """Return the page with every fault and every check."""
+    """Return docs/doctor-reference.md: a table of every fault, and one of every check."""
     return "\n".join(_lines()) + "\n"
 
 

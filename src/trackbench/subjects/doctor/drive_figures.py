@@ -1,4 +1,4 @@
-"""The figure of a drive that shows findings: the innovations that the tracker applied, beside the right ones."""
+"""Figures of a drive that shows findings: the innovations that the tracker applied, beside the right ones."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from trackbench.report.numbers import joined_names
 from trackbench.subjects.doctor.evidence import EvidenceRun, SensorInnovations
 
 TRACKER, REFERENCE = TRACKER_COLOURS[4], TRACKER_COLOURS[5]
-#: Heights: of a figure with one panel, and of each of several.
+#: Height of a figure with one panel, and of each panel of several.
 _HEIGHT, _PANEL = 250.0, 150.0
-#: Difference from which on applied and expected innovation are not the same, in standard deviations of the measurement.
+#: Least difference between applied and expected innovations that counts, in standard deviations of the measurement.
 _DIFFERENT = 3.0
 
 
 def evidence_figures(run: EvidenceRun) -> Iterator[Figure]:
-    """The innovations of the sensors that findings name, or of all."""
+    """Yield the figures of innovations of the sensors that findings name, or of all sensors."""
     named = {finding.sensor for finding in run.findings}
     relevant = [innovations for innovations in run.innovations if innovations.sensor in named] or run.innovations
     for innovations in relevant:
@@ -30,7 +30,7 @@ def evidence_figures(run: EvidenceRun) -> Iterator[Figure]:
 
 
 def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figure:
-    """The applied and the expected innovations of one sensor over time, of each component with a mismatch."""
+    """Return the figure of one sensor's applied and expected innovations over time, with the components that differ."""
     gap = np.abs(innovations.applied - innovations.expected) / innovations.sigma[:, None]
     different = np.nan_to_num(gap, nan=0.0) > _DIFFERENT
     components = [name.replace("_", " ") for name in innovations.components]
@@ -61,7 +61,7 @@ def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figur
             f"{innovations.applied[i, k]:+.3g} {units[i]}, expected {innovations.expected[i, k]:+.3g} {units[i]}."
         )
     return Figure(
-        _identity(f"{run.drive}-innovation-{innovations.sensor}"),
+        _html_id(f"{run.drive}-innovation-{innovations.sensor}"),
         f"Innovation of {innovations.sensor}",
         f"{caption} Expected is the measurement minus that of the tracker's own prediction.",
         f"Innovations of {innovations.sensor} over time, {joined_names([components[i] for i in chosen])}, applied and "
@@ -76,6 +76,5 @@ def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figur
     )
 
 
-def _identity(name: str) -> str:
-    """With letters, digits and dashes only, for an id in a page."""
+def _html_id(name: str) -> str:
     return "".join(letter if letter.isalnum() else "-" for letter in name)

@@ -17,7 +17,7 @@ from trackbench.models.sensors import Dropout, Sensor
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Carrier, SensorSite
-from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
+from trackbench.subjects.doctor.session import StepFailed, TrackerFactory, TrackerSession
 from trackbench.trackers.answers import Tracker, shaped_estimate, unpack
 from trackbench.truth.config import MovingObserver
 from trackbench.truth.config.scripted import ScriptedStart
@@ -29,30 +29,29 @@ TRUTH_RATE = 100
 
 
 class DriveConfig(Config):
-    """One entry of drives.yaml."""
+    """An entry of drives.yaml."""
 
     description: str
     truth: ScriptedTruth
     runs: int = Field(4, ge=1)
     rates_hz: list[Positive] | None = None
-    """Replace the sensors' own."""
+    """Rates in place of the sensors' own, one sensor after the other."""
     detection_probability: Probability = 1
     silent_s: list[NonNegative] | None = None
     """Start and end of an interval without measurements."""
     mismatch: float = Field(1.0, ge=1.0)
-    """How many times larger the NEES may be than elsewhere, for sound motion models that do not have its manoeuvre."""
+    """Factor by which the NEES may be larger than elsewhere: sound motion models may lack the drive's manoeuvre."""
 
     @property
     def carrier(self) -> Carrier:
-        """The observer."""
-        of = self.truth.observer
-        assert isinstance(of, MovingObserver)
-        return Carrier(of.x, of.y, np.deg2rad(of.yaw_deg), of.vx_mps, of.vy_mps, np.deg2rad(of.turn_rate_degps))
+        o = self.truth.observer
+        assert isinstance(o, MovingObserver)
+        return Carrier(o.x, o.y, np.deg2rad(o.yaw_deg), o.vx_mps, o.vy_mps, np.deg2rad(o.turn_rate_degps))
 
 
 @cache
 def drive_configs() -> Mapping[Name, DriveConfig]:
-    """The entries of drives.yaml, by name."""
+    """Return the entries of drives.yaml, by name."""
     text = files("trackbench.subjects.doctor").joinpath("drives.yaml").read_text(encoding="utf-8")
     scripted = {"source": "scripted", "rate_hz": TRUTH_RATE}
     return {
@@ -62,40 +61,40 @@ def drive_configs() -> Mapping[Name, DriveConfig]:
 
 
 class Setting(NamedTuple):
-    """In what drives differ from drives.yaml."""
+    """Differences of an examination's drives from drives.yaml."""
 
     site: SensorSite = SensorSite()
     standing: bool = False
-    """Whether no observer moves: drives with a moving one are left out."""
+    """Whether drives with a moving observer are left out."""
     no_misses: bool = False
-    """Whether every scan has a detection: the others are left out."""
+    """Whether scans without a detection are left out."""
     own_rates: bool = False
-    """Whether the sensors keep their rates in all drives."""
+    """Whether the sensors keep their own rates in all drives."""
 
 
 AS_WRITTEN = Setting()
 
 
 class TestDrive(NamedTuple):
-    """The truth and the scans of a drive."""
+    """Truth and scans of a drive."""
 
     name: str
     config: DriveConfig
     scans: list[Scan]
-    """With the batch axis ``(runs,)``."""
+    """Scans with the batch axis ``(runs,)``."""
     time: Array
-    """``(scans,)`` s."""
+    """Times of the scans ``(scans,)``, s."""
     target: Array
-    """``(4, scans, runs or 1)`` px, py, vx, vy of the target at each scan."""
+    """px, py, vx, vy of the target at each scan ``(4, scans, runs or 1)``."""
 
 
 def simulate_drives(sensors: Mapping[str, Sensor], seed: int, setting: Setting = AS_WRITTEN) -> list[TestDrive]:
-    """Every drive, measured by the sensors.
+    """Return every drive as the sensors measure it.
 
     Args:
-        sensors: by name.
-        seed: of the noise.
-        setting: where, and what is assumed.
+        sensors: sensors by name.
+        seed: seed of the noise.
+        setting: sites of the sensors, and what is assumed of them.
     """
     return [
         _simulate(name, config, sensors, seed, setting)
@@ -106,83 +105,82 @@ def simulate_drives(sensors: Mapping[str, Sensor], seed: int, setting: Setting =
 
 def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed: int, setting: Setting) -> TestDrive:
     truth = script(_placed(drive, setting.site), seed, name, drive.runs)
-    changed = {}
+    drive_sensors = {}
     for number, (sensor, config) in enumerate(sensors.items()):
         update: dict[str, Any] = {"detection_probability": 1.0 if setting.no_misses else drive.detection_probability}
         if drive.rates_hz is not None and not setting.own_rates:
             update["rate_hz"] = drive.rates_hz[number % len(drive.rates_hz)]
         if drive.silent_s is not None:
             update["dropouts"] = [Dropout(from_s=drive.silent_s[0], to_s=drive.silent_s[1])]
-        changed[sensor] = config.model_copy(update=update)
-    scans = sense_known(ideal_sensors(truth, changed), seed, name, range(drive.runs)).scans
+        drive_sensors[sensor] = config.model_copy(update=update)
+    scans = sense_known(ideal_sensors(truth, drive_sensors), seed, name, range(drive.runs)).scans
     if setting.no_misses:
         scans = [scan for scan in scans if scan.valid.all()]
     time = np.array([scan.time for scan in scans])
-    at = np.searchsorted(truth.time, time - 1e-9)
-    target = np.stack([field[at, 0] for field in (truth.px, truth.py, truth.vx, truth.vy)])
+    step = np.searchsorted(truth.time, time - 1e-9)
+    target = np.stack([field[step, 0] for field in (truth.px, truth.py, truth.vx, truth.vy)])
     return TestDrive(name, drive, scans, time, target)
 
 
 def _placed(drive: DriveConfig, site: SensorSite) -> ScriptedTruth:
-    """The truth with the observer of a site, and its target at the same place relative to the sensor."""
-    own, to, truth = drive.carrier, site.carrier(drive.carrier), drive.truth
-    if to == own and not any(site.mount):
+    """Return the truth with the observer of a site, and its target at the same place relative to the sensor."""
+    original, carrier, truth = drive.carrier, site.carrier(drive.carrier), drive.truth
+    if carrier == original and not any(site.mount):
         return truth
     (name, body), *_ = truth.objects.items()
     course = np.deg2rad(body.start.course_deg or 0.0)
     speed = body.start.speed_mps or 0.0
     state = np.array([body.start.x, body.start.y, speed * np.cos(course), speed * np.sin(course)])
-    x, y, vx, vy = (float(value) for value in site.target(state, own))
+    x, y, vx, vy = (float(value) for value in site.target(state, original))
     start = ScriptedStart(x=x, y=y, speed_mps=None, course_deg=None, vx_mps=vx, vy_mps=vy)
     observer = MovingObserver(
-        x=to.x,
-        y=to.y,
-        yaw_deg=float(np.rad2deg(to.yaw)),
-        vx_mps=to.vx,
-        vy_mps=to.vy,
-        turn_rate_degps=float(np.rad2deg(to.yaw_rate)),
+        x=carrier.x,
+        y=carrier.y,
+        yaw_deg=float(np.rad2deg(carrier.yaw)),
+        vx_mps=carrier.vx,
+        vy_mps=carrier.vy,
+        turn_rate_degps=float(np.rad2deg(carrier.yaw_rate)),
     )
     objects = {name: body.model_copy(update={"start": start})}
     return truth.model_copy(update={"objects": objects, "observer": observer})
 
 
 class Rollout(NamedTuple):
-    """The estimates after each scan, NaN where there is none."""
+    """Estimates of a tracker after each scan of a drive, NaN where there is none."""
 
     mean: Array
     """``(4, scans, runs)``"""
     covariance: Array
     """``(4, 4, scans, runs)``"""
-    given: Mask
+    has_estimate: Mask
     """``(scans, runs)``: whether the tracker returned an estimate."""
 
 
 def rollout(
     make: Callable[[], Tracker], scans: Sequence[Scan], checks: OutputChecks | None = None, drive: str = ""
 ) -> Rollout:
-    """Step a fresh tracker (one for each run unless it is batched) through scans with the batch axis ``(runs,)``.
+    """Step a tracker through scans with the batch axis ``(runs,)``, or one tracker per run if it takes no batch.
 
     Raises:
         StepFailed: the tracker raised, or returned no valid estimate.
     """
     batched = bool(getattr(make(), "batched", False))
-    estimates = _batched(make, scans) if batched else _one_by_one(make, scans)
+    estimates = _step_batch(make, scans) if batched else _step_each_run(make, scans)
     if checks is not None:
-        k, run = np.nonzero(estimates.given)
+        k, run = np.nonzero(estimates.has_estimate)
 
-        def scans_of_run(i: int) -> list[Scan]:
-            """From its first measurement on."""
-            own = [scan_of_member(scan, int(run[i])) for scan in scans[: k[i] + 1]]
-            return own[next(first for first, scan in enumerate(own) if scan.valid) :]
+        def scans_from_first_measurement(i: int) -> list[Scan]:
+            run_scans = [scan_of_member(scan, int(run[i])) for scan in scans[: k[i] + 1]]
+            return run_scans[next(first for first, scan in enumerate(run_scans) if scan.valid) :]
 
         mean, covariance = estimates.mean[:, k, run], estimates.covariance[:, :, k, run]
-        checks.add_batch(mean, covariance, [scans[int(i)] for i in k], drive, scans_of_run)
+        checks.add_batch(mean, covariance, [scans[int(i)] for i in k], drive, scans_from_first_measurement)
     return estimates
 
 
-def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
-    tracker, state, estimates = make(), None, _empty(scans)
-    on_step = Examined.of(make).on_step
+def _step_batch(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
+    tracker, state, estimates = make(), None, _empty_rollout(scans)
+    on_step = TrackerFactory.of(make).on_step
     for k, scan in enumerate(scans):
         try:
             state, answer = unpack(tracker.step(state, scan))
@@ -190,29 +188,29 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            # If it fails in one run alone, that failure is raised.
-            _one_by_one(make, scans[: k + 1])
+            # The failure of a single run is raised instead, because it has the scans before it.
+            _step_each_run(make, scans[: k + 1])
             raise StepFailed(error, scan_of_member(scan, 0)) from error
         on_step()
         if estimate is not None:
             estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance
             # A batched tracker returns NaN for a track that has not started.
-            estimates.given[k] = ~np.isnan(estimate.mean).all(axis=0) | (k > 0 and estimates.given[k - 1])
+            estimates.has_estimate[k] = ~np.isnan(estimate.mean).all(axis=0) | (k > 0 and estimates.has_estimate[k - 1])
     return estimates
 
 
-def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
-    estimates = _empty(scans)
+def _step_each_run(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
+    estimates = _empty_rollout(scans)
     for run in range(scans[0].valid.size):
         first = next((k for k, scan in enumerate(scans) if scan.valid[run]), len(scans))
-        own = [scan_of_member(scan, run) for scan in scans[first:]]
-        for k, estimate in enumerate(TrackerSession(make).walk(own) if own else [], start=first):
+        run_scans = [scan_of_member(scan, run) for scan in scans[first:]]
+        for k, estimate in enumerate(TrackerSession(make).walk(run_scans) if run_scans else [], start=first):
             if estimate is not None:
                 estimates.mean[:, k, run], estimates.covariance[:, :, k, run] = estimate.mean, estimate.covariance
-                estimates.given[k, run] = True
+                estimates.has_estimate[k, run] = True
     return estimates
 
 
-def _empty(scans: Sequence[Scan]) -> Rollout:
+def _empty_rollout(scans: Sequence[Scan]) -> Rollout:
     shape: Any = (len(scans), scans[0].valid.size)
     return Rollout(np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan), np.zeros(shape, dtype=bool))

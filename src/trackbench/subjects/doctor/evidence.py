@@ -1,4 +1,4 @@
-"""The run of a test drive that shows a finding: its estimates, their errors, and the innovation of each measurement."""
+"""A run of a test drive that shows findings: estimates, their errors, and the innovation of each measurement."""
 
 from __future__ import annotations
 
@@ -18,50 +18,50 @@ from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.trial import Trial
 from trackbench.trackers.answers import Tracker
 
-#: The evidence of a healthy tracker, and of a fault that no drive shows.
+#: Drive that is shown of a healthy tracker, and of faults that no drive shows.
 DEFAULT_DRIVE = "azimuth_crossing"
 #: Largest number of drives with evidence.
 MOST_SHOWN = 3
-#: Most scans of a drive whose innovations are computed of a tracker that is not copied: each takes several fresh ones
-#: that are given all scans before.
+#: Largest number of scans with innovations where the tracker cannot be copied: each innovation takes several fresh
+#: trackers that repeat all earlier scans.
 REPEATED = 300
 
 
 @dataclass(frozen=True, eq=False)
 class SensorInnovations:
-    """The innovations of one sensor in a run: those that the tracker applied, and those that are right."""
+    """Innovations of one sensor in a run: the ones that the tracker applied, and the right ones."""
 
     sensor: str
     kind: str
     components: tuple[str, ...]
     sigma: Array
-    """``(m,)`` stated standard deviations of the measurement."""
+    """Stated standard deviations of the measurement ``(m,)``."""
     time: Array
-    """``(k,)`` s, of the valid measurements."""
+    """Times of the valid measurements ``(k,)``, s."""
     applied: Array
-    """``(m, k)`` the innovation by which the estimate moved; NaN where it did not."""
+    """Innovations ``(m, k)`` by which the estimates moved; NaN where they did not move."""
     expected: Array
-    """``(m, k)`` the measurement minus that of the tracker's own prediction, by the right measurement model."""
+    """Measurements minus predictions ``(m, k)``, by the tracker's own state and the right measurement model."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvidenceRun:
-    """A run of a test drive."""
+    """A run of a test drive with the estimates of the tracker and of the reference."""
 
     drive: str
     description: str
     findings: list[Finding]
-    """Those that it shows, the most likely root cause first."""
+    """Findings that the run shows, the most likely root cause first."""
     scans: list[Scan]
-    """Without batch axes."""
+    """Scans without batch axes."""
     time: Array
-    """``(scans,)`` s."""
+    """Times of the scans ``(scans,)``, s."""
     target: Array
-    """``(4, scans)`` the true px, py, vx, vy."""
+    """True px, py, vx, vy ``(4, scans)``."""
     mean: Array
-    """``(4, scans)`` of the tracker, NaN where there is no estimate."""
+    """Estimates of the tracker ``(4, scans)``, NaN where there is none."""
     covariance: Array
-    """``(4, 4, scans)`` of the tracker."""
+    """Covariances of the tracker ``(4, 4, scans)``."""
     reference_mean: Array
     """``(4, scans)``"""
     reference_covariance: Array
@@ -72,19 +72,19 @@ class EvidenceRun:
 def shown_drives(
     findings: Sequence[Finding], checks: Sequence[CheckResult], drives: Sequence[TestDrive]
 ) -> dict[str, list[Finding]]:
-    """The names of the drives that show the root causes, each with what it shows, the first root cause first.
+    """Return the names of the drives that show the root causes, each with the findings that it shows.
 
     Args:
-        findings: the most likely root cause first.
-        checks: with the results of the drives.
-        drives: those that were driven.
+        findings: all findings, the most likely root cause first.
+        checks: all checks, with the results of the drives.
+        drives: drives through which the tracker was stepped.
     """
     failed = {check.name for check in checks if check.passed is False}
     shown: dict[str, list[Finding]] = {}
     for finding in findings:
-        # The drive that the finding names, or else the one of its fault, if that failed.
-        own = known_faults()[finding.fault].role.drive
-        names = [drive.name for drive in drives if drive.name in (finding.shown_by, own)]
+        # The drive that the finding names, or else the drive of its fault, if that drive failed.
+        fault_drive = known_faults()[finding.fault].role.drive
+        names = [drive.name for drive in drives if drive.name in (finding.shown_by, fault_drive)]
         names = [name for name in names if name == finding.shown_by] or [name for name in names if name in failed]
         if finding.consequence_of is None and names and len(shown) < MOST_SHOWN:
             shown.setdefault(names[0], []).append(finding)
@@ -94,19 +94,19 @@ def shown_drives(
 def evidence_run(
     make: Callable[[], Tracker], drive: TestDrive, reference: Rollout, findings: list[Finding]
 ) -> EvidenceRun:
-    """Step a fresh tracker through a run of a drive, and compute the innovation of every measurement.
+    """Return a run of a drive: the estimates of a fresh tracker, and the innovation of every measurement.
 
     Args:
-        make: gives a fresh tracker.
-        drive: the test drive.
-        reference: the estimates of the reference in it.
-        findings: those that the drive shows; the run is that of the first one.
+        make: makes a fresh tracker.
+        drive: test drive.
+        reference: estimates of the reference in the drive.
+        findings: findings that the drive shows; the first one chooses the run.
     """
     run = findings[0].run if findings else 0
     scans = [scan_of_member(scan, run) for scan in drive.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
     innovations: dict[str, list[tuple[float, Array, Array]]] = {}
-    # As many as the questions that give one innovation: the measurement, and two beside it in each component.
+    # One column for the measurement, and two for each of its components: all that an innovation is computed from.
     session = TrackerSession(make, columns=1 + 2 * max(len(scan.measurement) for scan in scans))
     started = False
     for k, scan in enumerate(scans):
@@ -143,7 +143,7 @@ def evidence_run(
 
 
 def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> tuple[float, Array, Array] | None:
-    """Time, ``applied`` and ``expected`` of one measurement, as in `SensorInnovations`."""
+    """Return time, ``applied`` and ``expected`` of one measurement, as in `SensorInnovations`."""
     prediction = session.predict(scan)
     if prediction is None:
         return None
@@ -170,18 +170,18 @@ def _series(scan: Scan, innovations: list[tuple[float, Array, Array]]) -> Sensor
 
 
 class RunErrors(NamedTuple):
-    """After each scan; NaN where there is no estimate."""
+    """Errors after each scan of a run; NaN where there is no estimate."""
 
     position: Array
-    """``(scans,)`` distance of the estimated position from the true one, m."""
+    """Distance of the estimated position from the true one ``(scans,)``, m."""
     two_sigma: Array
-    """``(scans,)`` twice the standard deviation of that distance by the estimate's own covariance, m."""
+    """Twice the standard deviation of the position by the estimate's own covariance ``(scans,)``, m."""
     nees: Array
-    """``(scans,)`` of position and velocity; NaN where the covariance is not positive definite."""
+    """NEES of position and velocity ``(scans,)``; NaN where the covariance is not positive definite."""
 
 
 def run_errors(run: EvidenceRun) -> dict[str, RunErrors]:
-    """By name: "tracker" and "reference"."""
+    """Return the errors of a run by name: ``tracker`` and ``reference``."""
     errors = {}
     for name, mean, covariance in (
         ("tracker", run.mean, run.covariance),

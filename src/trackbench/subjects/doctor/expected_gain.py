@@ -1,4 +1,4 @@
-"""The right gain of a trial, and the models that a tracker's gain implies."""
+"""The right gain of a trial, and the measurement model that a tracker's gain implies."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from trackbench.subjects.doctor.trial import Trial
 
 
 def linearised_gain(trial: Trial, used: Mask | None = None) -> Array:
-    """Return the gain ``(4, m)`` of an EKF, with all components of the measurement or with some of them ``(m,)``."""
+    """Return the gain ``(4, m)`` of an EKF; it is zero in the components that are not ``used`` ``(m,)``."""
     p = linalg.symmetrise(trial.prediction.covariance)
     cross = p @ trial.jacobian.T
     return _gain(cross, trial.jacobian @ cross + trial.scan.noise_covariance, used)
 
 
 def gaussian_gain(trial: Trial, used: Mask | None = None) -> Array:
-    """``(4, m)`` with the moments of the Gaussian prediction."""
+    """Return the gain ``(4, m)`` with the moments of the Gaussian prediction, which sigma points approximate."""
     cross, covariance = trial.gaussian_moments
     return _gain(cross, covariance + trial.scan.noise_covariance, used)
 
 
 def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[float, Array]:
-    """The distance of a gain ``(4, m)`` from the nearer of the two, relative to it, and that one.
+    """Return the relative error of a gain ``(4, m)``, and the right gain: the linearised or the Gaussian one.
 
-    The gains are scaled by the standard deviations of prediction and measurement.
+    The nearer one is taken. Gains are scaled by the standard deviations of prediction and measurement.
     """
     return min(
         (
@@ -40,70 +40,69 @@ def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[
 
 
 def relative_error(applied: Array, right: Array, scale: Array) -> float:
-    """Of a matrix whose entries are multiplied by ``scale``, in the Frobenius norm."""
+    """Return the relative error of a matrix in the Frobenius norm, with its entries multiplied by ``scale``."""
     return float(np.linalg.norm((applied - right) * scale) / np.linalg.norm(right * scale))
 
 
 def _gain(cross: Array, innovation_covariance: Array, used: Mask | None) -> Array:
-    """Zero where a component is not used."""
-    of = np.ones(len(innovation_covariance), dtype=bool) if used is None else used
+    columns = np.ones(len(innovation_covariance), dtype=bool) if used is None else used
     gain = np.zeros(cross.shape)
-    gain[:, of] = np.linalg.solve(innovation_covariance[np.ix_(of, of)], cross[:, of].T).T
+    gain[:, columns] = np.linalg.solve(innovation_covariance[np.ix_(columns, columns)], cross[:, columns].T).T
     return gain
 
 
-#: Share of the change of the covariance outside the column space of the gain: up to 0.01 with sigma points, 0.08 and
-#: more with fixed gains.
+#: Largest share of the change of the covariance outside the column space of the gain. Sigma points have up to 0.01,
+#: fixed gains have 0.08 and more.
 OUTSIDE = 0.05
 
 
-#: Correlation of the implied noise of two components from which on it is not that of a diagonal one.
+#: Correlation of the implied noise of two components above which that noise is not diagonal.
 MIXED = 0.1
-#: Speed of targets across the ray, m/s.
+#: Speed of targets across the line of sight, m/s.
 ACROSS = 20.0
 
 
 class ImpliedModel(NamedTuple):
-    """The measurement model and noise that one update implies, for each component of the measurement."""
+    """Measurement model and noise that one update implies, for each component of the measurement."""
 
     trial: Trial
     used: Mask
     noise: Array
-    """``(m,)`` implied over stated variance; NaN where the row points away from the right one."""
-    apart: Array
-    """``(m, 4)`` difference between the unit vectors along the implied and the right row."""
+    """Implied divided by stated variance ``(m,)``; NaN where the implied row points away from the right one."""
+    direction_difference: Array
+    """Difference ``(m, 4)`` between the unit vectors along the implied and the right row of the Jacobian."""
     size: Array
-    """``(m,)`` length of the implied row along the right one, over the right length."""
+    """Length ``(m,)`` of the implied row along the right one, divided by the right length."""
     jacobian: Array
-    """``(m, 4)`` the implied Jacobian."""
+    """Implied Jacobian ``(m, 4)``."""
     own_noise: Array
-    """``(m,)`` variances over the stated ones with which the implied Jacobian, right or wrong, gives the gain."""
-    mixed: float = 0.0
-    """Largest correlation of that noise: 0 where stated."""
+    """Variances ``(m,)``, relative to the stated ones, with which the implied Jacobian gives the gain."""
+    noise_correlation: float = 0.0
+    """Largest correlation of the noise with which the implied Jacobian gives the gain; the stated noise has none."""
 
     @property
     def direction(self) -> Array:
-        """``(m,)`` length of ``apart``."""
-        return np.asarray(np.linalg.norm(self.apart, axis=1))
+        """Length ``(m,)`` of ``direction_difference``."""
+        return np.asarray(np.linalg.norm(self.direction_difference, axis=1))
 
 
 class SamplingErrors(NamedTuple):
-    """Standard errors of implied models, each averaged over two with other samples; zeros without samples."""
+    """Standard errors of implied models, each averaged over two with different samples; zeros without samples."""
 
     direction: Array
-    """``(m,)``"""
+    """Standard error ``(m,)`` of the direction."""
     size: Array
-    """``(m,)`` of the logarithm."""
+    """Standard error ``(m,)`` of the logarithm of the size."""
     noise: Array
-    """``(m,)`` of the logarithm of the median over the trials."""
+    """Standard error ``(m,)`` of the logarithm of the median noise over the trials."""
 
 
-def implied(trial: Trial) -> ImpliedModel | None:
-    """What an update with the predicted measurement implies; None where it is not that of a Kalman filter."""
+def implied_model(trial: Trial) -> ImpliedModel | None:
+    """Return the model that an update with the predicted measurement implies; None if no Kalman filter makes it."""
     update = trial.update(trial.predicted_measurement)
     if update is None or update.information is None or not update.used.any():
         return None
-    # Of a Kalman filter the covariance changes only in the column space of the gain; with a fixed gain it does not.
+    # In a Kalman filter the covariance changes only in the column space of the gain; with a fixed gain it does not.
     change = (trial.prediction.covariance - update.estimate.covariance) / trial.variance_scale
     base = np.linalg.qr(update.relative_gain[:, update.used])[0]
     outside, changed = change - base @ (base.T @ change), float(np.linalg.norm(change))
@@ -113,7 +112,7 @@ def implied(trial: Trial) -> ImpliedModel | None:
     scaled, rows = h * spread, update.information.T * spread
     along, length = np.einsum("ij,ij->i", rows, scaled), np.einsum("ij,ij->i", scaled, scaled)
     noise, size = np.full(len(sigma), np.nan), np.full(len(sigma), np.nan)
-    apart, jacobian = np.full_like(h, np.nan), np.full_like(h, np.nan)
+    direction_difference, jacobian = np.full_like(h, np.nan), np.full_like(h, np.nan)
     before = linalg.symmetrise(trial.prediction.covariance)
     if not np.linalg.eigvalsh(before)[0] > 0.0:
         return None
@@ -124,28 +123,27 @@ def implied(trial: Trial) -> ImpliedModel | None:
     implied_noise: Array = np.asarray(np.linalg.pinv(precision, rcond=1e-12), dtype=float)
     own_noise = np.full(len(sigma), np.nan)
     own_noise[used] = np.diag(implied_noise) / sigma[used] ** 2
-    mixed = float(np.abs(np.triu(_to_unit(implied_noise), 1)).max())
-    if mixed > MIXED:
+    correlation = float(np.abs(np.triu(_to_correlations(implied_noise), 1)).max())
+    if correlation > MIXED:
         # The columns of H^T R^-1 are mixtures of the rows of H.
         rows = jacobian * spread
     for i in np.flatnonzero(used):
-        apart[i] = rows[i] / np.linalg.norm(rows[i]) - scaled[i] / np.sqrt(length[i])
+        direction_difference[i] = rows[i] / np.linalg.norm(rows[i]) - scaled[i] / np.sqrt(length[i])
         size[i] = float((jacobian[i] * spread) @ scaled[i] / length[i])
         if along[i] > 0.0:
             noise[i] = length[i] / along[i] / sigma[i] ** 2
-    return ImpliedModel(trial, used, noise, apart, size, jacobian, own_noise, mixed)
+    return ImpliedModel(trial, used, noise, direction_difference, size, jacobian, own_noise, correlation)
 
 
-def _to_unit(matrix: Array) -> Array:
-    """With its diagonal as variances: 1 and correlations."""
+def _to_correlations(matrix: Array) -> Array:
     sigma = np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
     return np.asarray(matrix / np.outer(sigma, sigma))
 
 
 def variance_of_ray(components: Sequence[str], sigma: Array) -> Array:
-    """``(m,)`` the variance over the stated one that a filter may have which takes the ray of the measured azimuth.
+    """Return the variances ``(m,)``, relative to the stated ones, for a filter that takes the measured line of sight.
 
-    An error of the azimuth turns the ray, and changes the speed along it by that across it.
+    An error of the measured azimuth turns that line, so that velocity across it changes the range rate.
     """
     factors = np.ones(len(sigma))
     if {"azimuth", "range_rate"} <= set(components):
@@ -154,17 +152,17 @@ def variance_of_ray(components: Sequence[str], sigma: Array) -> Array:
     return factors
 
 
-def averaged_models(
-    rows: Sequence[ImpliedModel | None], others: Sequence[ImpliedModel | None]
+def average(
+    rows: Sequence[ImpliedModel | None], replicas: Sequence[ImpliedModel | None]
 ) -> tuple[list[ImpliedModel], SamplingErrors]:
-    """The means of pairs of implied models with different samples, and their standard errors."""
-    pairs = [(a, b) for a, b in zip(rows, others, strict=False) if a is not None and b is not None]
+    """Return the means of pairs of implied models with different samples, and their standard errors."""
+    pairs = [(a, b) for a, b in zip(rows, replicas, strict=False) if a is not None and b is not None]
     means = [
         ImpliedModel(
             a.trial,
             a.used & b.used,
             np.sqrt(a.noise * b.noise),
-            (a.apart + b.apart) / 2,
+            (a.direction_difference + b.direction_difference) / 2,
             (a.size + b.size) / 2,
             (a.jacobian + b.jacobian) / 2,
             np.sqrt(np.abs(a.own_noise * b.own_noise)),
@@ -173,9 +171,9 @@ def averaged_models(
     ]
     if not pairs:
         return [], SamplingErrors(*np.zeros((3, 1)))
-    turned = [np.linalg.norm(a.apart - b.apart, axis=1) for a, b in pairs]
+    turned = [np.linalg.norm(a.direction_difference - b.direction_difference, axis=1) for a, b in pairs]
     scaled = [np.log(np.maximum(a.size, 1e-3) / np.maximum(b.size, 1e-3)) for a, b in pairs]
     louder = [np.log(a.noise / b.noise) for a, b in pairs]
-    direction, size, noise = (np.sqrt(np.nanmean(np.square(of), axis=0)) / 2 for of in (turned, scaled, louder))
+    direction, size, noise = (np.sqrt(np.nanmean(np.square(gap), axis=0)) / 2 for gap in (turned, scaled, louder))
     # The standard error of a median is 1.25 times that of a mean.
     return means, SamplingErrors(direction, size, 1.25 * noise / np.sqrt(len(pairs)))

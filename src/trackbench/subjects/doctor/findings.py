@@ -1,7 +1,7 @@
-"""The records of checks and faults, the findings of an examination and the results of its checks.
+"""Records of checks and faults, findings of an examination, and results of its checks.
 
-A check is a function in a module of ``checks/`` under :func:`doctor_check`, which has all that is known of it and of
-the faults that it names.
+A check is a function in a module of ``checks`` or ``traffic_checks``, decorated with :func:`doctor_check`. Its record
+says what it asks, what it needs, and which faults it names.
 """
 
 from __future__ import annotations
@@ -15,95 +15,91 @@ from typing import Any, Generic, NamedTuple, ParamSpec
 
 import numpy as np
 
-#: The packages whose modules are checks: of trackers of one object, and of several.
+#: Package of the checks of trackers of one object, and package of the checks of trackers of several.
 CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic_checks"
 P = ParamSpec("P")
 
 
-#: What a role says of a fault.
+#: Kinds of faults; they decide which finding may be the consequence of which.
 KINDS = {
     "exact": "Found without a model of the tracker, or by one that fits it exactly: no other fault looks like it.",
-    "motion": "Found without a measurement: the use of one sensor's measurements does not change it.",
-    "driven": "What the estimates of drives show of any fault.",
-    "ego": "Of the sensor's own pose and velocity.",
+    "motion": "Found by predictions alone: the use of one sensor's measurements does not change it.",
+    "driven": "Found as an error of the estimates of a drive, which any fault may cause.",
+    "ego": "A fault in the use of the sensor's own pose and velocity.",
 }
 
 
 class Role(NamedTuple):
-    """The part of a fault in a diagnosis. Names are separated by blanks."""
+    """Place of a fault in a diagnosis."""
 
     kinds: str = ""
-    """Of ``KINDS``."""
+    """Names of ``KINDS``, separated by blanks."""
     rank: int = 100
-    """Its place among the causes; those with a lower one are tried first."""
+    """Order among possible causes; a lower rank is tried first."""
     drive: str | None = None
-    """The test drive in which it is visible."""
+    """Name of the test drive in which the fault is visible."""
 
 
 class KnownFault(NamedTuple):
-    """A fault that a check names."""
+    """A fault that the doctor can name."""
 
     title: str
-    """The fault in a few words."""
     where: str
     """Where in the tracker's code to look."""
     fix: str
-    """How to fix it."""
     role: Role = Role()
 
     @property
     def kinds(self) -> list[str]:
-        """Of ``KINDS``."""
         return self.role.kinds.split()
 
 
 class Question(NamedTuple):
-    """One of the questions that a check answers, as ``trackbench list checks`` shows it."""
+    """A question that a check answers, as ``trackbench list checks`` shows it."""
 
     name: str
     asks: str
     full: str = ""
-    """The same in a result, where it is longer there; with ``{sensor}`` for the name of the sensor."""
+    """Question as a result prints it, where it is longer than ``asks``; ``{sensor}`` stands for the sensor's name."""
     each_sensor: bool = False
-    """Whether it is asked for each sensor: its name is followed by a dot and that of the sensor."""
+    """Whether the question is asked for each sensor, under the name ``name.sensor``."""
     misses: bool = False
-    """Whether it needs scans without a detection."""
+    """Whether the question needs scans without a detection."""
     motion: bool = False
-    """Whether it needs an observer that moves."""
+    """Whether the question needs an observer that moves."""
     late: bool = False
-    """Whether it is asked of those sensors alone whose scans come late."""
+    """Whether the question is asked only for sensors whose scans come late."""
     finds: tuple[str, ...] = ()
-    """The faults that it alone finds, where its check has several questions."""
+    """Faults that only this question finds, where its check has several questions."""
 
 
 @dataclass(frozen=True)
 class DoctorCheck(Generic[P]):
-    """All that is known of a check."""
+    """Record of a check: its function, its questions, what it needs, and the faults that it names."""
 
     make: Callable[P, PartResult]
     place: int
-    """In an examination: first estimates, predictions, single measurements, whole tracks. Those that report on all
-    estimates (900) and on the failed steps of all others (1000) come last."""
+    """Order of the check in an examination: first estimates, predictions, single measurements, whole tracks. Checks of
+    all estimates (900) and of all failed steps (1000) come last."""
     questions: tuple[Question, ...] = ()
     of_filters: bool = False
-    """Whether it needs a tracker that predicts and updates; one that returns the last measurement does not."""
+    """Whether the check needs a tracker that predicts and updates; returning the last measurement is not enough."""
     of_own_covariance: bool = False
-    """Whether it takes the covariance that is returned for the tracker's own."""
+    """Whether the check relies on the returned covariance being the one that the tracker computes with."""
     asks_at_misses: bool = False
-    """Whether it asks for the estimate at a missed scan, as all checks of filters do: the prediction that updates are
-    compared with."""
+    """Whether the check asks for estimates at missed scans. Checks ``of_filters`` always do, for their predictions."""
     least_sensors: int = 1
     every_drive: bool = False
-    """Whether it takes the tracker through every test drive."""
+    """Whether the check steps the tracker through every test drive."""
     faults: Mapping[str, KnownFault] = field(default_factory=dict)
-    """By name, those that it finds and no check before it has in its record."""
+    """Faults that the check finds, by name. A fault of several checks is in the record of the first one."""
 
     @property
     def name(self) -> str:
         return self.make.__name__
 
     def with_questions(self, checks: Iterable[CheckResult]) -> list[CheckResult]:
-        """The results of its function, each with the question that it answers."""
+        """Return the results of the check's function, each with the question that it answers."""
         full = {question.name: question.full or question.asks for question in self.questions}
         results = []
         for check in checks:
@@ -112,11 +108,14 @@ class DoctorCheck(Generic[P]):
         return results
 
     def with_faults(self, checks: Iterable[CheckResult], findings: Sequence[Finding]) -> list[CheckResult]:
-        """Return the results of its function, a failed one without faults with those of its findings that it shows."""
+        """Return the results of the check's function with the faults of the failed ones.
+
+        A failed result that names no fault gets those findings that belong to its question and its sensor.
+        """
         finds = {question.name: question.finds for question in self.questions}
         shared = {fault for faults in finds.values() for fault in faults}
 
-        def shown(check: CheckResult) -> Iterator[str]:
+        def shown_faults(check: CheckResult) -> Iterator[str]:
             name, _, sensor = check.name.partition(".")
             for finding in findings:
                 is_own = finding.fault in finds.get(name, ()) or finding.fault not in shared
@@ -126,7 +125,7 @@ class DoctorCheck(Generic[P]):
         return [
             check
             if check.passed is not False or check.faults
-            else replace(check, faults=tuple(dict.fromkeys(shown(check))))
+            else replace(check, faults=tuple(dict.fromkeys(shown_faults(check))))
             for check in checks
         ]
 
@@ -134,18 +133,18 @@ class DoctorCheck(Generic[P]):
 _RECORDS: dict[tuple[str, str], DoctorCheck[Any]] = {}
 
 
-def doctor_check(*questions: Question, **about: Any) -> Callable[[Callable[P, PartResult]], Callable[P, PartResult]]:
-    """Make a function a check that answers some questions; ``about``: further fields of :class:`DoctorCheck`."""
+def doctor_check(*questions: Question, **fields: Any) -> Callable[[Callable[P, PartResult]], Callable[P, PartResult]]:
+    """Return a decorator that records a function as a check; ``fields``: further fields of :class:`DoctorCheck`."""
 
-    def recorded(make: Callable[P, PartResult]) -> Callable[P, PartResult]:
-        _RECORDS[make.__module__, make.__name__] = DoctorCheck(make, questions=questions, **about)
+    def record(make: Callable[P, PartResult]) -> Callable[P, PartResult]:
+        _RECORDS[make.__module__, make.__name__] = DoctorCheck(make, questions=questions, **fields)
         return make
 
-    return recorded
+    return record
 
 
 def checks_of(package: str) -> tuple[DoctorCheck[Any], ...]:
-    """The checks in all modules of a package, in the order in which they are made."""
+    """Return the checks in all modules of a package, in the order in which they are made."""
     return _checks_in(package, tuple(import_module(package).__path__))
 
 
@@ -157,22 +156,22 @@ def _checks_in(package: str, folders: tuple[str, ...]) -> tuple[DoctorCheck[Any]
 
 
 def check_named(name: str) -> DoctorCheck[Any]:
-    """That of trackers of one object with this name."""
+    """Return the check of trackers of one object that has this name."""
     return next(check for check in checks_of(CHECKS) if check.name == name)
 
 
 def faults_of(package: str) -> dict[str, KnownFault]:
-    """Those that the checks of a package name."""
+    """Return the faults that the checks of a package find, by name."""
     return {name: fault for check in checks_of(package) for name, fault in check.faults.items()}
 
 
 def known_faults() -> dict[str, KnownFault]:
-    """Every fault that the doctor can name: of trackers of one object, then of several."""
+    """Return every fault that the doctor can name: faults of trackers of one object, then of several."""
     return {**faults_of(CHECKS), **faults_of(TRAFFIC_CHECKS)}
 
 
 def questions() -> dict[str, Question]:
-    """What is asked of a tracker of one object, by name, in the order in which it is asked."""
+    """Return the questions about a tracker of one object by name, in the order in which they are asked."""
     return {question.name: question for check in checks_of(CHECKS) for question in check.questions}
 
 
@@ -182,34 +181,34 @@ class Finding:
 
     fault: str
     confidence: float
-    """That the fault is the one named, 0 to 1: for the order of findings. :mod:`.certainty` has what is shown of it."""
+    """Confidence in the fault's name, 0 to 1, to order findings; see :mod:`.certainty` for its words."""
     evidence: str
-    """A sentence with its numbers."""
+    """Sentence with the numbers that show the fault."""
     sensor: str | None = None
     """The sensor whose measurements are processed wrongly, if it is one sensor."""
     factor: float | None = None
-    """The tracker's value over the right one, if the fault is a wrong size; for noise, of its variances."""
+    """The tracker's value divided by the right one, if the fault is a wrong size; for noise, the ratio of variances."""
     shown_by: str | None = None
-    """The probe or test drive that shows it best."""
+    """Name of the probe or test drive that shows the fault best."""
     run: int = 0
-    """Of that test drive."""
+    """Index of the run that shows the fault best, where ``shown_by`` is a test drive."""
     consequence_of: str | None = None
-    """The fault that causes this one."""
+    """Name of the fault that causes this one; None for a root cause."""
 
 
-#: Confidence from which on a finding can be the cause of others.
+#: Least confidence of a finding that can be the cause of others.
 SURE = 0.8
-#: Confidence from which on an exact finding is the consequence of no other.
+#: Least confidence at which an exact finding is the consequence of no other.
 CERTAIN = 0.9
-#: Confidence of a line that is seen to compute another value than the right one.
+#: Confidence of a finding that names the line of code which computes a wrong value.
 PROVEN = 1.0
 
 
 def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
     """Keep one finding for each fault, and order them: root causes, then consequences.
 
-    Among the findings that are as certain, the fault with the lower rank is tried first: its symptoms include the
-    others'. A finding is the consequence of the first root cause that it may depend on.
+    Among equally certain findings, the fault with the lower rank comes first: its symptoms include those of the others.
+    A finding is the consequence of the first root cause that can explain it.
 
     Args:
         findings: in the order in which they were found.
@@ -219,7 +218,7 @@ def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
     for finding in findings:
         of_faults.setdefault(finding.fault, []).append(finding)
     ordered = sorted(
-        map(_of_all_sensors, of_faults.values()),
+        map(_merge_sensors, of_faults.values()),
         key=lambda finding: (
             "driven" in faults[finding.fault].kinds,
             -sum(finding.confidence >= limit for limit in (SURE, CERTAIN, PROVEN)),
@@ -234,19 +233,19 @@ def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(ranked, key=lambda finding: finding.consequence_of is not None)
 
 
-def _of_all_sensors(findings: Sequence[Finding]) -> Finding:
-    """Return the clearest of the findings of one fault, without its sensor where several show the fault."""
+def _merge_sensors(findings: Sequence[Finding]) -> Finding:
+    """Return the clearest of the findings of one fault, without a sensor where several sensors show the fault."""
     of_sensors = [finding for finding in findings if finding.sensor is not None]
     clearest = max(of_sensors or findings, key=lambda finding: (finding.confidence, abs(np.log(finding.factor or 1.0))))
     sensors = {finding.sensor for finding in of_sensors}
     if len(sensors) < 2:
         return clearest
-    others = " and ".join(sorted(name for name in sensors if name not in (None, clearest.sensor)))
-    return replace(clearest, sensor=None, evidence=f"{clearest.evidence}; likewise {others}")
+    other_sensors = " and ".join(sorted(name for name in sensors if name not in (None, clearest.sensor)))
+    return replace(clearest, sensor=None, evidence=f"{clearest.evidence}; likewise {other_sensors}")
 
 
 def _explains(root: Finding, finding: Finding, kinds: Sequence[str]) -> bool:
-    """Whether a finding depends on what the root cause is about, and does not stand for itself."""
+    """Return whether a root cause is sure enough, and its reach wide enough, to explain a finding."""
     if root.confidence < SURE or root.fault == finding.fault:
         return False
     if "driven" in kinds:
@@ -260,21 +259,21 @@ def _explains(root: Finding, finding: Finding, kinds: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class CheckResult:
-    """The outcome of one check."""
+    """Result of one check."""
 
     name: str
     question: str
     passed: bool | None
     """None where the check could not be made."""
     result: str
-    """What was measured, with its numbers; of a check that was not made, the reason."""
+    """Sentence with the measured numbers, or with the reason why the check was not made."""
     skipped: bool = False
-    """Whether it was not made because the user did not ask for it."""
+    """Whether the user left the check out (``--skip``)."""
     faults: tuple[str, ...] = ()
-    """Of a failed check, those that it found."""
+    """Names of the faults that a failed check found."""
 
     def json(self) -> dict[str, Any]:
-        """As ``--json`` prints it."""
+        """Return the result as ``--json`` prints it."""
         return {
             "name": self.name,
             "question": self.question,
@@ -287,7 +286,7 @@ class CheckResult:
 
 @dataclass
 class PartResult:
-    """The checks and findings of one part of an examination."""
+    """Results and findings of one part of an examination."""
 
     checks: list[CheckResult] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
@@ -295,7 +294,7 @@ class PartResult:
     def add(
         self, name: str, passed: bool | None, result: str, *findings: Finding | None, question: str = ""
     ) -> PartResult:
-        """Append the result of a check and what it found; its question is that of its record unless given."""
+        """Append the result of a check and its findings; an empty ``question`` stands for the one in its record."""
         shown = [finding for finding in findings if finding is not None]
         faults = tuple(dict.fromkeys(finding.fault for finding in shown)) if passed is False else ()
         self.checks.append(CheckResult(name, question, passed, result, faults=faults))
@@ -303,10 +302,10 @@ class PartResult:
         return self
 
     def add_evidence(self, name: str, finding: Finding | None, otherwise: str) -> PartResult:
-        """Append a check that fails by a finding, with its evidence as the result; else it passes."""
+        """Append a check that fails if there is a finding; its result is the evidence, or else ``otherwise``."""
         return self.add(name, finding is None, otherwise if finding is None else finding.evidence, finding)
 
     def note(self, name: str, passed: bool, text: str, fault: str) -> PartResult:
-        """Append a check of a scene, and where it failed a finding with the same text."""
+        """Append a check of a scene; if it failed, add a finding with the same text."""
         finding = None if passed else Finding(fault, 0.9, text[0].upper() + text[1:] + ".")
         return self.add(name, bool(passed), text, finding)

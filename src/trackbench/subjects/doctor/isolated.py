@@ -1,4 +1,4 @@
-"""The filter of a tracker of several objects: with one object and no clutter it is a tracker of one object."""
+"""The filter of a tracker of several objects, examined with one object and no clutter."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import tracks_of_run
 
-#: Checks that do not hold for a track: it starts with several measurements, ends soon after its last one, and takes
-#: none beyond its gate. How near it is to its object the scenes show.
+#: Checks that do not hold for a track: it starts with several measurements, ends soon after its last one, and takes no
+#: measurement beyond its gate. The scenes show how near a track is to its object.
 LEFT_OUT = {"confidence", "growth_by_noise", "drives"}
-#: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic
-#: association, too, the update is that of the filter.
+#: Detection probability and clutter density stated with every scan. With so little clutter a detection in the gate has
+#: no other origin, so that probabilistic association, too, gives the update of the filter.
 DETECTION, DENSITY = 0.9, 1e-12
-#: Variance over the stated one up to which it is a tuning.
+#: Noise variance relative to the stated one up to which a larger noise counts as tuning.
 TUNING = 6.0
-#: Range of the stated field of view, m: everything.
-SEEN = 1e6
+#: Range of the stated field of view, m: every target is inside.
+FIELD_RANGE_M = 1e6
 
 
-class Isolated:
-    """Answers with the track of the one object that the scans are of.
+class SingleObjectTracker:
+    """A tracker of one object made of a tracker of several: it answers with the track of the only object.
 
     Args:
-        make: gives a fresh tracker of several objects.
+        make: makes a fresh tracker of several objects.
     """
 
     def __init__(self, make: Callable[[], Any]) -> None:
@@ -45,19 +45,18 @@ class Isolated:
 
     @property
     def within(self) -> Any:
-        """The trackers and their states, below what checks them."""
+        """The trackers and their states, without the wrapper that checks their answers."""
         return getattr(self._tracker, "_trackers", self._tracker), getattr(self._tracker, "_states", None)
 
     def step(self, state: int | None, scan: Scan) -> tuple[int | None, Estimate | None]:
-        """The estimate of the track that answered before, or else of the one nearest to the detection; None where there
-        is neither."""
+        """Return the estimate of the last answer's track, or of the track nearest to the detection, or None."""
         detections = 1 if scan.valid else 0
         batch = scan._replace(
             measurement=np.repeat(scan.measurement[:, None, None], detections, axis=1),
             valid=np.ones((detections, 1), dtype=bool),
             detection_probability=DETECTION,
             clutter_density=DENSITY,
-            field_of_view=FieldOfView(np.pi, SEEN),
+            field_of_view=FieldOfView(np.pi, FIELD_RANGE_M),
         )
         self._state, answer = self._tracker.step(self._state, batch)
         tracks = tracks_of_run(answer, 0)
@@ -73,50 +72,50 @@ class Isolated:
 
 
 class FilterDoctor(Doctor):
-    """Examines the filter of trackers of several objects.
+    """Examiner of the filter within trackers of several objects.
 
     Args:
-        sensors: by name; all are at the origin of the observer.
+        sensors: sensors by name; all are moved to the origin of the observer.
     """
 
     def __init__(self, sensors: Mapping[str, Sensor]) -> None:
         super().__init__({name: sensor.model_copy(update={"mount": Mount()}) for name, sensor in sensors.items()})
-        # Fewer than of a tracker of one object, whose steps take less time; as many with moving observers.
+        # Fewer probes with an observer at rest than for a tracker of one object, whose steps take less time.
         self._probes = Probes(general=GENERAL[:4])
 
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
         return []
 
-    def _made(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
-        return PartResult() if check.name in LEFT_OUT else super()._made(check, tracker)
+    def _make_check(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
+        return PartResult() if check.name in LEFT_OUT else super()._make_check(check, tracker)
 
 
-def filter_examined(sensors: Mapping[str, Sensor], make: Callable[[], Any]) -> tuple[list[CheckResult], list[Finding]]:
-    """The checks of the filter, and its faults, root causes first.
+def examine_filter(sensors: Mapping[str, Sensor], make: Callable[[], Any]) -> tuple[list[CheckResult], list[Finding]]:
+    """Return the checks of the filter within a tracker of several objects, and its faults, root causes first.
 
     Args:
-        sensors: by name.
-        make: gives a fresh tracker of several objects.
+        sensors: sensors by name.
+        make: makes a fresh tracker of several objects.
     """
-    why = "it cannot be copied"
+    problem = "it cannot be copied"
     try:
         copy.deepcopy(make())
-        why = "its examination fails"
-        examination = FilterDoctor(sensors).examine("", lambda: Isolated(make))
+        problem = "its examination fails"
+        examination = FilterDoctor(sensors).examine("", lambda: SingleObjectTracker(make))
     except Exception as error:
-        why = str(error) if isinstance(error, CannotRun) else f"{why} ({fault_of(error).cause})"
-        return [CheckResult("filter", "Is the filter of a track sound?", None, f"not examined: {why}")], []
-    tuned = {(finding.fault, finding.sensor) for finding in examination.findings if _tuned(finding)}
+        problem = str(error) if isinstance(error, CannotRun) else f"{problem} ({fault_of(error).cause})"
+        return [CheckResult("filter", "Is the filter of a track sound?", None, f"not examined: {problem}")], []
+    tuned = {(finding.fault, finding.sensor) for finding in examination.findings if _is_tuning(finding)}
     findings = [finding for finding in examination.findings if (finding.fault, finding.sensor) not in tuned]
-    sensors_of = {sensor for _, sensor in tuned} - {finding.sensor for finding in findings}
+    tuned_sensors = {sensor for _, sensor in tuned} - {finding.sensor for finding in findings}
     checks = [
-        replace(check, passed=True) if check.name in {f"gain.{sensor}" for sensor in sensors_of} else check
+        replace(check, passed=True) if check.name in {f"gain.{sensor}" for sensor in tuned_sensors} else check
         for check in examination.checks
     ]
     return checks, findings
 
 
-def _tuned(finding: Finding) -> bool:
-    """Whether it is more noise than stated, as much as a tuning has: no drive here shows whether it does harm."""
+def _is_tuning(finding: Finding) -> bool:
+    """Return whether a finding is more noise than stated, as much as tuning has; no drive here shows its harm."""
     return finding.fault == "r_too_large" and finding.factor is not None and finding.factor < TUNING

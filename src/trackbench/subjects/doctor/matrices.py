@@ -14,10 +14,10 @@ def largest_entry(matrix: Array) -> tuple[int, int]:
 
 
 def best_multiple(value: Array, matrix: Array) -> float:
-    """Return the factor of a matrix that comes nearest to a value, in the sum of squares of all entries."""
+    """Return the factor of ``matrix`` that fits it to ``value`` best in least squares."""
     return float(np.sum(value * matrix) / np.sum(matrix**2))
 
 
-def straight(step: float) -> Array:
+def cv_transition(step: float) -> Array:
     """Return the transition ``(4, 4)`` with constant velocity over ``step`` s."""
     return np.eye(4) + step * np.eye(4, k=2)

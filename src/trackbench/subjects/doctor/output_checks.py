@@ -1,4 +1,4 @@
-"""Checks of every estimate: finite numbers, a symmetric positive definite covariance, and where one ceases to be it."""
+"""Checks of every estimate: finite numbers, a symmetric positive definite covariance, and the step that breaks it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from trackbench.subjects.doctor.matrices import largest_entry
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.trackers.answers import Tracker
 
-#: Negative eigenvalue that rounding does not explain, of a covariance scaled to unit variances.
+#: Negative eigenvalue beyond rounding, of a covariance scaled to unit variances.
 NEGATIVE = 1e-6
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """Without warnings of numbers that are not finite: the checks look for them."""
+def without_warnings() -> Iterator[None]:
+    """Suppress warnings of numbers that are not finite: the checks look for such numbers."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
@@ -31,167 +31,171 @@ def quiet() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class WorstCase:
-    """The largest violation of one check."""
+    """Largest violation of one check."""
 
     size: float
     where: str
-    """The probe or test drive."""
+    """Name of the probe or test drive."""
     time: float
     """s"""
     sensor: str
-    given: Callable[[], Sequence[Scan]]
-    """All scans that the tracker was given, up to that time; without batch axes."""
+    scans: Callable[[], Sequence[Scan]]
+    """Returns all scans that the tracker was given up to that time, without batch axes."""
 
 
 class OutputChecks:
-    """The estimates of a whole examination, counted, and the worst of them."""
+    """Number of all estimates of an examination, and the worst of them."""
 
     def __init__(self) -> None:
         self.estimates = 0
         self.indefinite_estimates = 0
         self.not_finite: WorstCase | None = None
-        """The first one."""
+        """First estimate with a value that is not finite."""
         self.asymmetry: WorstCase | None = None
-        """Difference of mirrored entries over the geometric mean of their variances."""
+        """Largest difference of mirrored entries, divided by the geometric mean of their variances."""
         self.indefinite: WorstCase | None = None
-        """Smallest eigenvalue of the covariance scaled to unit variances, with the sign changed."""
+        """Smallest eigenvalue of a covariance scaled to unit variances, with the sign changed."""
 
-    def add(self, estimate: Estimate | None, scan: Scan, where: str, given: Sequence[Scan]) -> None:
-        """Check an estimate after an ordinary scan, the last of those given; None counts as no estimate."""
-        known = len(given)
+    def add(self, estimate: Estimate | None, scan: Scan, where: str, scans: Sequence[Scan]) -> None:
+        """Check an estimate after the last of the scans that the tracker was given; None is not counted."""
+        count = len(scans)
         if estimate is not None:
-            one = estimate.mean[:, None], estimate.covariance[..., None]
-            self.add_batch(*one, [scan], where, lambda _: given[:known])
+            mean, covariance = estimate.mean[:, None], estimate.covariance[..., None]
+            self.add_batch(mean, covariance, [scan], where, lambda _: scans[:count])
 
     def add_track(self, estimates: Sequence[Estimate | None], scans: Sequence[Scan], where: str) -> None:
-        """Check the estimates of a track, each after the ordinary scan of the same place; None counts as none."""
-        known = [(k, one) for k, one in enumerate(estimates) if one is not None]
-        if known:
-            mean = np.stack([estimate.mean for _, estimate in known], axis=-1)
-            covariance = np.stack([estimate.covariance for _, estimate in known], axis=-1)
-            self.add_batch(mean, covariance, [scans[k] for k, _ in known], where, lambda i: scans[: known[i][0] + 1])
+        """Check the estimates of a track, one for each scan; None is not counted."""
+        pairs = [(k, estimate) for k, estimate in enumerate(estimates) if estimate is not None]
+        if pairs:
+            mean = np.stack([estimate.mean for _, estimate in pairs], axis=-1)
+            covariance = np.stack([estimate.covariance for _, estimate in pairs], axis=-1)
+            self.add_batch(mean, covariance, [scans[k] for k, _ in pairs], where, lambda i: scans[: pairs[i][0] + 1])
 
     def add_batch(
-        self, mean: Array, covariance: Array, scans: Sequence[Scan], where: str, given: Callable[[int], Sequence[Scan]]
+        self,
+        mean: Array,
+        covariance: Array,
+        scans: Sequence[Scan],
+        where: str,
+        scans_until: Callable[[int], Sequence[Scan]],
     ) -> None:
-        """Check the estimates ``(4, n)`` and ``(4, 4, n)``, each after an ordinary scan.
+        """Check estimates ``(4, n)`` and ``(4, 4, n)``, each after its scan.
 
-        ``given(i)`` are the scans up to and with that of estimate ``i``, in its run.
+        ``scans_until(i)`` returns the scans of the run of estimate ``i`` up to its own scan.
         """
         self.estimates += mean.shape[1]
         finite = np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
         if not finite.all() and self.not_finite is None:
             first = int(np.argmin(finite))
-            self.not_finite = _case(1.0, scans[first], where, partial(given, first))
-        known = np.flatnonzero(finite)
-        if len(known) == 0:
+            self.not_finite = _case(1.0, scans[first], where, partial(scans_until, first))
+        finite_columns = np.flatnonzero(finite)
+        if len(finite_columns) == 0:
             return
-        relative = scaled_covariances(np.moveaxis(covariance[:, :, known], -1, 0))
-        apart, least = asymmetry(relative), least_eigenvalue(relative)
+        relative = scaled_covariances(np.moveaxis(covariance[:, :, finite_columns], -1, 0))
+        asymmetries, least = asymmetry(relative), least_eigenvalue(relative)
         self.indefinite_estimates += int(np.sum(least < -NEGATIVE))
-        most, lowest = int(known[np.argmax(apart)]), int(known[np.argmin(least)])
-        largest, smallest = float(apart.max()), float(least.min())
+        most, lowest = int(finite_columns[np.argmax(asymmetries)]), int(finite_columns[np.argmin(least)])
+        largest, smallest = float(asymmetries.max()), float(least.min())
         if self.asymmetry is None or largest > self.asymmetry.size:
-            self.asymmetry = _case(largest, scans[most], where, partial(given, most))
+            self.asymmetry = _case(largest, scans[most], where, partial(scans_until, most))
         if self.indefinite is None or -smallest > self.indefinite.size:
-            self.indefinite = _case(-smallest, scans[lowest], where, partial(given, lowest))
+            self.indefinite = _case(-smallest, scans[lowest], where, partial(scans_until, lowest))
 
 
 def scaled_covariances(p: Array, like: Array | None = None) -> Array:
-    """Covariances ``(..., 4, 4)`` in standard deviations: their own, or those of others."""
+    """Return covariances ``(..., 4, 4)`` in units of their standard deviations, or of those of ``like``."""
     variances = np.abs(np.diagonal(p if like is None else like, axis1=-2, axis2=-1))
     scale = np.sqrt(np.maximum(variances, np.finfo(float).tiny))
     return np.asarray(p / (scale[..., :, None] * scale[..., None, :]))
 
 
 def asymmetry(relative: Array) -> Array:
-    """Largest difference of mirrored entries of scaled covariances ``(..., 4, 4)``."""
+    """Return the largest difference of mirrored entries of each scaled covariance ``(..., 4, 4)``."""
     return np.asarray(np.abs(relative - np.swapaxes(relative, -2, -1)).max(axis=(-2, -1)))
 
 
 def least_eigenvalue(relative: Array) -> Array:
-    """Of the symmetric parts of scaled covariances ``(..., 4, 4)``."""
+    """Return the least eigenvalue of the symmetric part of each scaled covariance ``(..., 4, 4)``."""
     return np.asarray(np.linalg.eigvalsh(0.5 * (relative + np.swapaxes(relative, -2, -1)))[..., 0])
 
 
-def _case(size: float, scan: Scan, where: str, given: Callable[[], Sequence[Scan]]) -> WorstCase:
-    return WorstCase(size, where, scan.time, scan.sensor, given)
+def _case(size: float, scan: Scan, where: str, scans: Callable[[], Sequence[Scan]]) -> WorstCase:
+    return WorstCase(size, where, scan.time, scan.sensor, scans)
 
 
-#: Asymmetry, and negative eigenvalue, that rounding does not explain, of a covariance scaled to unit variances.
+#: Asymmetry or negative eigenvalue beyond rounding, of a covariance scaled to unit variances.
 ROUNDING = 1e-6
 Make = Callable[[], Tracker]
 Measure = Callable[[Array], Array]
 Blame = Callable[[Array, Array, Array | None], bool]
-"""Of the covariances before a step, predicted and after it: whether the prediction is to blame."""
+"""Says from the covariances before a step, predicted and after it, whether the prediction is to blame."""
 
 
 class FaultyStep(NamedTuple):
-    """The first step of a track that makes its covariance wrong."""
+    """First step of a track that makes its covariance wrong."""
 
     step: Literal["start", "prediction", "update"]
     scan: Scan
     before: Array | None
-    """``(4, 4)`` the covariance before that step: the estimate's, or the one predicted to the update."""
+    """Covariance ``(4, 4)`` before the step: of the last estimate, or predicted to the update."""
     after: Array
-    """``(4, 4)`` the first wrong one."""
+    """First wrong covariance ``(4, 4)``."""
 
     @property
     def words(self) -> str:
-        """The step and its time."""
+        """The step and its time in words."""
         if self.step == "start":
             return f"in the first estimate, at {self.scan.time:.4g} s"
-        of = f" with {self.scan.sensor}" if self.step == "update" else ""
-        # What was predicted to it is not known of a tracker that is given no scans without a detection.
+        sensor = f" with {self.scan.sensor}" if self.step == "update" else ""
+        # The prediction is unknown for a tracker that is given no scans without a detection.
         step = "step" if self.before is None else self.step
-        return f"in the {step}{of} at {self.scan.time:.4g} s"
+        return f"in the {step}{sensor} at {self.scan.time:.4g} s"
 
 
-def asymmetric(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
-    """The step after which the covariance is first not symmetric."""
+def first_asymmetric_step(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
+    """Return the step after which the covariance is first not symmetric."""
 
-    def adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
-        """Whether the prediction adds more to the asymmetry than the update does."""
+    def prediction_adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
         first, then = (asymmetry(scaled_covariances(p, like=predicted)) for p in (before, predicted))
         return bool(
             then > ROUNDING
             and (after is None or then - first >= asymmetry(scaled_covariances(after, like=predicted)) - then)
         )
 
-    return _origin(make, scans, asymmetry, adds_more)
+    return _first_faulty_step(make, scans, asymmetry, prediction_adds_more)
 
 
-def indefinite(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
-    """The step after which the covariance is first not positive definite."""
+def first_indefinite_step(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
+    """Return the step after which the covariance is first not positive definite."""
 
-    def is_wrong(_before: Array, predicted: Array, _after: Array | None) -> bool:
-        """An update is right only of a positive definite covariance."""
+    def prediction_is_indefinite(_before: Array, predicted: Array, _after: Array | None) -> bool:
+        # An update keeps a covariance positive definite only if the predicted one is.
         return bool(least_eigenvalue(scaled_covariances(predicted)) < -ROUNDING)
 
-    return _origin(make, scans, lambda relative: -least_eigenvalue(relative), is_wrong)
+    return _first_faulty_step(make, scans, lambda relative: -least_eigenvalue(relative), prediction_is_indefinite)
 
 
-def fault_of_step(fault: str, of: FaultyStep | None) -> str:
-    """The fault of an update, or the same of a prediction where it arises there."""
-    return f"predicted_{fault}" if of is not None and of.step == "prediction" else fault
+def fault_of_step(fault: str, faulty: FaultyStep | None) -> str:
+    """Return the name of a fault, or the name of the same fault in a prediction where it arises there."""
+    return f"predicted_{fault}" if faulty is not None and faulty.step == "prediction" else fault
 
 
-def mirrored_entries(of: FaultyStep) -> str:
-    """The two mirrored entries that differ most, and what they were before."""
-    i, j = _mirrored(of)
-    row, column = COMMON_STATE[i], COMMON_STATE[j]
-    text = f"row {row}, column {column} is {of.after[i, j]:.6g} and row {column}, column {row} {of.after[j, i]:.6g}"
-    return text if of.before is None else f"{text} ({of.before[i, j]:.6g} and {of.before[j, i]:.6g} before it)"
+def mirrored_entries(faulty: FaultyStep) -> str:
+    """Return as text the two mirrored entries that differ most, after the step and before it."""
+    i, j = _mirrored(faulty)
+    row, column, before, after = COMMON_STATE[i], COMMON_STATE[j], faulty.before, faulty.after
+    text = f"row {row}, column {column} is {after[i, j]:.6g} and row {column}, column {row} {after[j, i]:.6g}"
+    return text if before is None else f"{text} ({before[i, j]:.6g} and {before[j, i]:.6g} before it)"
 
 
-def indefinite_entries(of: FaultyStep) -> str:
-    """The negative variance or the correlation beyond one, if there is one, and the smallest eigenvalues."""
-    variances = np.diag(of.after)
-    relative = scaled_covariances(of.after)
-    i, j = _correlated(of)
+def indefinite_entries(faulty: FaultyStep) -> str:
+    """Return as text the least eigenvalue, and a negative variance or a correlation beyond one."""
+    variances = np.diag(faulty.after)
+    relative = scaled_covariances(faulty.after)
+    i, j = _correlated(faulty)
     text = f"the smallest eigenvalue, scaled to unit variances, is {least_eigenvalue(relative):.3g}"
-    if of.before is not None:
-        text += f" ({least_eigenvalue(scaled_covariances(of.before)):.3g} before it)"
+    if faulty.before is not None:
+        text += f" ({least_eigenvalue(scaled_covariances(faulty.before)):.3g} before it)"
     if variances.min() < 0.0:
         worst = int(np.argmin(variances))
         return f"{text}; the variance of {COMMON_STATE[worst]} is {variances[worst]:.3g}"
@@ -200,17 +204,17 @@ def indefinite_entries(of: FaultyStep) -> str:
     return text
 
 
-def _mirrored(of: FaultyStep) -> tuple[int, int]:
-    relative = scaled_covariances(of.after)
+def _mirrored(faulty: FaultyStep) -> tuple[int, int]:
+    relative = scaled_covariances(faulty.after)
     return largest_entry(np.triu(np.abs(relative - relative.T)))
 
 
-def _correlated(of: FaultyStep) -> tuple[int, int]:
-    return largest_entry(np.triu(np.abs(scaled_covariances(of.after)), 1))
+def _correlated(faulty: FaultyStep) -> tuple[int, int]:
+    return largest_entry(np.triu(np.abs(scaled_covariances(faulty.after)), 1))
 
 
-def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> FaultyStep | None:
-    """Give scans to a fresh tracker until a covariance is wrong or the step fails; then predict alone to that scan."""
+def _first_faulty_step(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> FaultyStep | None:
+    """Step a fresh tracker until a covariance is wrong or a step fails; return whether its prediction is to blame."""
     session, before = TrackerSession(make), None
     for k, scan in enumerate(scans):
         after, failed = _covariance(session.step, scan)
@@ -229,7 +233,7 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Bla
 
 
 def _covariance(step: Callable[[Scan], Estimate | None], scan: Scan) -> tuple[Array | None, bool]:
-    """The covariance, if there is a finite one, and whether the step failed."""
+    """Return the covariance, None unless finite, and whether the step failed."""
     try:
         estimate = step(scan)
     except StepFailed:

@@ -1,4 +1,4 @@
-"""Where the sensors of an examination are, and the targets at which single measurements are tried."""
+"""Sites of the sensors in an examination, and probes: targets at which single measurements are tried."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trackbench.sensing.view import sensor_motion
 
 
 class Carrier(NamedTuple):
-    """The observer at time 0; its velocity and its turn rate are constant."""
+    """An observer at time 0; its velocity and its turn rate are constant."""
 
     x: float = 0.0
     """m"""
@@ -32,57 +32,56 @@ class Carrier(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether it is not at rest."""
         return self.vx != 0.0 or self.vy != 0.0 or self.yaw_rate != 0.0
 
     def at_rest(self) -> Carrier:
-        """The same one, standing."""
+        """Return an observer at rest with the same pose."""
         return Carrier(self.x, self.y, self.yaw)
 
 
 class SensorSite(NamedTuple):
-    """A sensor on an observer, to whose frame the places of targets are relative."""
+    """Place of a sensor on an observer. Targets are placed relative to the sensor."""
 
     standing: Carrier = Carrier()
     moving: Carrier | None = None
-    """Instead of those of the moving probes and of the drive with a moving observer."""
+    """Observer in moving probes and in the drive with a moving observer; None for their own observers."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Forward m, left m, and yaw rad."""
+    """Sensor relative to the observer: forward m, left m, yaw rad."""
 
-    def carrier(self, own: Carrier) -> Carrier:
-        """The one that carries the sensors in place of another."""
-        return (self.moving or own) if own.moves else self.standing
+    def carrier(self, observer: Carrier) -> Carrier:
+        """Return the observer that carries the sensor where a probe or drive has ``observer``."""
+        return (self.moving or observer) if observer.moves else self.standing
 
-    def target(self, state: Array, own: Carrier) -> Array:
-        """``(4,)`` px, py, vx, vy that are to the sensor what ``state`` is to an observer of its own."""
-        to = self.carrier(own)
-        if to == own and not any(self.mount):
+    def target(self, state: Array, observer: Carrier) -> Array:
+        """Return px, py, vx, vy ``(4,)`` that are to this sensor what ``state`` is to ``observer``."""
+        carrier = self.carrier(observer)
+        if carrier == observer and not any(self.mount):
             return state
-        relative = _turned(state - np.array([own.x, own.y, own.vx, own.vy]), -own.yaw)
+        relative = _turned(state - np.array([observer.x, observer.y, observer.vx, observer.vy]), -observer.yaw)
         arm = np.array([*self.mount[:2], 0.0, 0.0])
-        turned = _turned(arm + _turned(relative, self.mount[2]), to.yaw)
-        return np.asarray(turned + np.array([to.x, to.y, to.vx, to.vy]))
+        turned = _turned(arm + _turned(relative, self.mount[2]), carrier.yaw)
+        return np.asarray(turned + np.array([carrier.x, carrier.y, carrier.vx, carrier.vy]))
 
     @property
     def yaw(self) -> float:
-        """Of the sensor on the standing observer, rad."""
+        """Yaw of the sensor on the standing observer, rad."""
         return self.standing.yaw + self.mount[2]
 
 
 def site_of(mount: Mount, observer: Carrier | None) -> SensorSite:
-    """The site of a sensor on the user's observer; None for the bench's own ones."""
-    own = (mount.x_m, mount.y_m, float(np.deg2rad(mount.yaw_deg)))
+    """Return the site of a sensor on the user's observer; without one, on the observers of the probes."""
+    mount_pose = (mount.x_m, mount.y_m, float(np.deg2rad(mount.yaw_deg)))
     if observer is None:
-        return SensorSite(mount=own)
-    return SensorSite(observer.at_rest(), observer if observer.moves else None, own)
+        return SensorSite(mount=mount_pose)
+    return SensorSite(observer.at_rest(), observer if observer.moves else None, mount_pose)
 
 
 def carrier_of(observer: Observer) -> Carrier:
-    """An observer of a scenario: where it is fastest, and with the largest turn rate that it has."""
-    at = int(np.argmax(np.hypot(observer.vx, observer.vy)))
-    turn = observer.yaw_rate[int(np.argmax(np.abs(observer.yaw_rate)))]
-    pose = (observer.px[at], observer.py[at], wrap_angle(observer.yaw[at]))
-    return Carrier(*(float(value) for value in (*pose, observer.vx[at], observer.vy[at], turn)))
+    """Return an observer of a scenario at its greatest speed, with its largest turn rate."""
+    fastest = int(np.argmax(np.hypot(observer.vx, observer.vy)))
+    turn_rate = observer.yaw_rate[int(np.argmax(np.abs(observer.yaw_rate)))]
+    pose = (observer.px[fastest], observer.py[fastest], wrap_angle(observer.yaw[fastest]))
+    return Carrier(*(float(value) for value in (*pose, observer.vx[fastest], observer.vy[fastest], turn_rate)))
 
 
 def _turned(state: Array, angle: float) -> Array:
@@ -90,35 +89,35 @@ def _turned(state: Array, angle: float) -> Array:
     return np.concatenate([turn @ state[:2], turn @ state[2:]])
 
 
-#: Least and largest rate of a sensor, Hz: at 5 Hz sound turning models lose targets at the sensor, and the second order
-#: of sigma points has innovations; the truth of drives has 100 steps a second.
+#: Least and largest rate of a sensor, Hz. At 5 Hz sound turning models lose targets near the sensor, and second-order
+#: terms of sigma points look like innovations. The truth of drives has 100 steps a second.
 RATES = (10.0, 50.0)
 
 
 def examination_rate(sensor: Sensor) -> float:
-    """Its rate in an examination, Hz; where its measurements are recorded, 10 of a lidar and 20 of a radar."""
+    """Return the rate of a sensor in an examination, Hz; of recorded measurements 10 (lidar) or 20 (radar)."""
     return float(np.clip(sensor.rate_hz or (10.0 if sensor.type == "lidar" else 20.0), *RATES))
 
 
 def simplified(sensor: Sensor) -> Sensor:
-    """The sensor without limits of view, missed detections, delays and effects."""
+    """Return the sensor without limits of view, missed detections, delays and effects."""
     unlimited: dict[str, Any] = {"fov_deg": 360.0, "max_range_m": None, "detection_probability": 1.0, "dropouts": []}
     rate = {"rate_hz": examination_rate(sensor), "phase_s": 0.0, "latency_s": 0, "effects": []}
     return sensor.model_copy(update={**unlimited, **rate})
 
 
-#: Angle by which a mounting is turned, rad: more than any azimuth is uncertain at the probes, and not so much that a
-#: target behind the sensor is ahead of it.
+#: Angle by which a mounting is turned, rad: larger than the uncertainty of any azimuth at the probes, and so small that
+#: a target behind the sensor stays behind it.
 MOUNTED_TURN = -0.6
 
 
 def rotation(angle: float) -> Array:
-    """``(2, 2)`` counter-clockwise."""
+    """Return the counter-clockwise rotation matrix ``(2, 2)``."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def turned_mounting(scan: Scan, angle: float) -> Scan:
-    """The same target in the fixed frame, measured by a sensor that is mounted turned by ``-angle``."""
+    """Return the scan of the same target by a sensor whose mounting is turned by ``-angle`` rad."""
     pose, measurement, noise = scan.sensor_pose.copy(), scan.measurement.copy(), scan.noise_covariance
     pose[2] = wrap_angle(pose[2] - angle)
     angular = list(SENSOR_MODELS[scan.kind].angular)
@@ -131,19 +130,19 @@ def turned_mounting(scan: Scan, angle: float) -> Scan:
 
 
 class Probe(NamedTuple):
-    """A target of constant speed, an observer of constant velocity; measurements are tried at time 0."""
+    """A target of constant speed and an observer of constant velocity; measurements are tried at time 0."""
 
     name: str
     description: str
     target: tuple[float, float, float, float]
     """px, py, vx, vy in the fixed frame at time 0."""
     observer: Carrier = Carrier()
-    """Its yaw is constant in a probe."""
+    """Observer at time 0; its turn rate is ignored."""
     turn_rate: float = 0.0
-    """Of the target, rad/s."""
+    """Turn rate of the target, rad/s."""
 
     def truth(self, time: float) -> Array:
-        """``(4,)`` px, py, vx, vy of the target at a time."""
+        """Return px, py, vx, vy ``(4,)`` of the target at a time in s."""
         px, py, vx, vy = self.target
         # The chord of an arc has the mean course, and is shorter than the path by sinc.
         half = 0.5 * self.turn_rate * time
@@ -151,61 +150,58 @@ class Probe(NamedTuple):
         return np.array([px + dx, py + dy, *(rotation(2.0 * half) @ [vx, vy])])
 
     def turned(self, angle: float, sensor: Sensor) -> Probe:
-        """The probe with its target turned about a sensor of the standing observer by an angle in rad."""
+        """Return the probe with its target turned by an angle in rad about a sensor of the standing observer."""
         c, s = np.cos(angle), np.sin(angle)
         x, y, _ = self.scan("", sensor, 0.0).sensor_pose
         px, py, vx, vy = self.target
         px, py = px - x, py - y
         target = (x + c * px - s * py, y + s * px + c * py, c * vx - s * vy, s * vx + c * vy)
-        return self._replace(name=f"{self.name}_turned", target=_plain(target))
+        return self._replace(name=f"{self.name}_turned", target=_as_floats(target))
 
     def placed(self, site: SensorSite) -> Probe:
-        """The probe at a site: its target has the same place and velocity relative to the sensor there."""
+        """Return the probe at a site, its target with the same place and velocity relative to the sensor."""
         target = site.target(np.array(self.target), self.observer)
-        return self._replace(target=_plain(target), observer=site.carrier(self.observer))
+        return self._replace(target=_as_floats(target), observer=site.carrier(self.observer))
 
     def standing(self) -> Probe:
-        """The probe with its observer at rest and the same relative velocity."""
+        """Return the probe with its observer at rest and the same relative velocity."""
         px, py, vx, vy = self.target
         return self._replace(
             target=(px, py, vx - self.observer.vx, vy - self.observer.vy), observer=self.observer.at_rest()
         )
 
     def scan(self, name: str, sensor: Sensor, time: float) -> Scan:
-        """A sensor's measurement of the target without noise."""
-        # A tracker may write into what it is given.
-        measurement, pose, velocity = (part.copy() for part in _measured(self, sensor.type, sensor.mount, time))
+        """Return a sensor's noise-free measurement of the target."""
+        # A tracker may write into the arrays of its scan.
+        measurement, pose, velocity = (part.copy() for part in _measure(self, sensor.type, sensor.mount, time))
         return Scan(
             time, name, sensor.type, measurement, np.array(True), sensor.noise_covariance(), pose, velocity, time
         )
 
 
 @lru_cache(maxsize=10_000)
-def _measured(probe: Probe, kind: str, mount: Mount, time: float) -> tuple[Array, Array, Array]:
-    """The measurement of a probe's target by a kind of sensor, and the pose and the velocity of that sensor."""
-    of = probe.observer
-    one = np.ones(1)
-    observer = Observer(
-        (of.x + of.vx * time) * one, (of.y + of.vy * time) * one, of.yaw * one, of.vx * one, of.vy * one, 0.0 * one
-    )
+def _measure(probe: Probe, kind: str, mount: Mount, time: float) -> tuple[Array, Array, Array]:
+    """Return the measurement of a probe's target, and the pose and the velocity of the sensor."""
+    x, y, yaw, vx, vy, _ = (np.array([value]) for value in probe.observer)
+    observer = Observer(x + vx * time, y + vy * time, yaw, vx, vy, np.zeros(1))
     motion = sensor_motion(observer, mount)
     pose, velocity = motion.pose[:, 0], motion.velocity[:, 0]
     return SENSOR_MODELS[kind].measure(probe.truth(time), pose, velocity), pose, velocity
 
 
-def _plain(state: Iterable[float]) -> tuple[float, float, float, float]:
+def _as_floats(state: Iterable[float]) -> tuple[float, float, float, float]:
     px, py, vx, vy = (float(value) for value in state)
     return px, py, vx, vy
 
 
 def with_measurement_noise(scan: Scan, random: np.random.Generator) -> Scan:
-    """The scan with measurement noise of its stated variances."""
+    """Return the scan with added measurement noise of its stated variances."""
     noise = np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
     return scan._replace(measurement=scan.measurement + noise)
 
 
 def probe_rate(sensor: Sensor) -> float:
-    """Scans of a sensor per second at a probe, Hz."""
+    """Return the rate of a sensor at a probe, Hz."""
     return sensor.rate_hz or 20.0
 
 
@@ -236,14 +232,14 @@ PASSING = (
     Probe("oncoming", "oncoming traffic in the next lane", (1.0, 11.0, -13.0, 0.0), Carrier(vx=14.0)),
     Probe("crossing", "crossing traffic close ahead", (9.0, -2.0, 2.0, 16.0)),
 )
-#: At an azimuth of pi: the prediction's own sigma points, narrow or wide, cross it in the first, and only the
-#: measurements in the second.
+#: Targets at the azimuth pi. At the first, sigma points of the prediction cross pi, however narrow they are; at the
+#: second, only measurements do.
 AXES = (
     Probe("azimuth_axis", "a target at the azimuth pi", (-25.0, 1e-4, 2.0, -7.0)),
     Probe("azimuth_axis_near", "a target just before the azimuth pi", (-25.0, 0.3, 2.0, -7.0)),
 )
-#: Its course goes from 0.8 rad, at -5 s, to pi at -0.5 s. It starts ahead and moves away: of a tracker that starts with
-#: the course 0 the speed becomes positive, so that its own course passes pi.
+#: A target whose course turns from 0.8 rad at -5 s to pi at -0.5 s. It starts ahead and moves away: a tracker that
+#: starts with the course 0 then gets a positive speed, and its own course passes pi.
 COURSE_TURN = Probe(
     "course_turn",
     "a target that turns through the course pi at 30 degrees/s",
@@ -267,11 +263,11 @@ class Probes(NamedTuple):
     site: SensorSite = SensorSite()
 
     def standing(self) -> Probes:
-        """The probes without a moving observer."""
+        """Return the probes without a moving observer."""
         return self._replace(moving=(), passing=tuple(probe.standing() for probe in self.passing))
 
     def placed(self, sites: Sequence[SensorSite]) -> Probes:
-        """The probes at the site of the first sensor, and those with an azimuth of pi at the site of each."""
+        """Return the probes at the site of the first sensor, and those at the azimuth pi at the site of each sensor."""
         site = sites[0]
 
         def all_placed(probes: Sequence[Probe]) -> tuple[Probe, ...]:
@@ -283,7 +279,7 @@ class Probes(NamedTuple):
             self.tangential.placed(site),
             all_placed(self.passing),
             all_placed(self.moving),
-            tuple(dict.fromkeys(probe.placed(one) for one in sites for probe in self.axes)),
+            tuple(dict.fromkeys(probe.placed(sensor_site) for sensor_site in sites for probe in self.axes)),
             self.course_turn.placed(site),
             self.at_rest.placed(site),
             site,
@@ -291,12 +287,12 @@ class Probes(NamedTuple):
 
     @property
     def regular(self) -> tuple[Probe, ...]:
-        """Those with no angle near pi, a range well above zero and a moving target."""
+        """Probes with no angle near pi, a range well above zero and a moving target."""
         return (*self.general, self.radial, self.tangential, *self.passing, *self.moving)
 
 
 def varied(random: np.random.Generator) -> Probes:
-    """The probes with positions and velocities scaled by 0.9 to 1.1, except where they must be exact."""
+    """Return the probes with positions and velocities scaled by 0.9 to 1.1 at random, unless they must be exact."""
 
     def scaled(probe: Probe) -> Probe:
         position, velocity = random.uniform(0.9, 1.1, 2)

@@ -1,4 +1,4 @@
-"""An examination as a replay: the evidence runs with their innovations and errors, and the findings as text."""
+"""Replay of an examination: the evidence runs with their innovations and errors, and the findings as text."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.evidence import EvidenceRun, run_errors
 
-#: Colour of the tracker and of the reference, as in the report.
+#: Colours of the tracker and of the reference, as in the report.
 COLOURS = {"reference": TRACKER_COLOURS[5], "tracker": TRACKER_COLOURS[4]}
-#: Of their paths and of their lines in charts, pixels: the tracker is drawn on top of the reference.
+#: Widths of paths and of lines in charts, pixels: the tracker is drawn on top of the reference.
 PATH_WIDTHS = {"reference": 1.5, "tracker": 0.5}
 LINE_WIDTHS = {"reference": 3.0, "tracker": 1.5}
 MARGIN_M = 6.0
@@ -39,7 +39,7 @@ IN_THE_PICTURES = (
 
 
 def examination_replay(tracker: str, report: str, evidence: Sequence[EvidenceRun]) -> Replay:
-    """The replay of an examination with its report in Markdown; a scene for each run, named after its drive."""
+    """Return the replay of an examination, with its report in Markdown and a scene for each run."""
     sensors = sensor_colours(scan.sensor for run in evidence for scan in run.scans)
     legend = (
         *(NamedColour(name, colour) for name, colour in COLOURS.items()),
@@ -52,10 +52,10 @@ def examination_replay(tracker: str, report: str, evidence: Sequence[EvidenceRun
 
 
 def drive_scene(run: EvidenceRun) -> ReplayScene:
-    """The run of a drive, which opens at the largest error of the tracker."""
+    """Return the scene of a run, which opens at the largest error of the tracker."""
     poses = np.array([scan.sensor_pose[:2] for scan in run.scans]).T
     sensors = sensor_colours(scan.sensor for scan in run.scans)
-    # Of several scans at an instant the last is seen.
+    # Only the last of several scans at one instant is drawn.
     last = np.append(np.diff(run.time) > 0, True)
     error = np.where(last, np.nan_to_num(run_errors(run)["tracker"].position), 0.0)
     k = int(np.argmax(error))
@@ -90,20 +90,19 @@ def _estimates(name: str, time: Array, mean: Array, covariance: Array) -> Replay
 def _measurements(run: EvidenceRun, sensor: str, colour: str) -> ReplayMeasurements:
     scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
     positions = [SENSOR_MODELS[scan.kind].position(scan) for scan in scans]
-    at = np.array([position.mean for position in positions]).reshape(-1, 2).T
+    means = np.array([position.mean for position in positions]).reshape(-1, 2).T
     covariance = np.array([position.covariance for position in positions]).reshape(-1, 2, 2).transpose(1, 2, 0)
-    return ReplayMeasurements(sensor, colour, np.array([scan.time for scan in scans]), at, covariance)
+    return ReplayMeasurements(sensor, colour, np.array([scan.time for scan in scans]), means, covariance)
 
 
 def _range(target: Array, sensors: Array) -> tuple[float, float]:
-    both = np.concatenate([target, sensors])
-    return float(both.min()) - MARGIN_M, float(both.max()) + MARGIN_M
+    coordinates = np.concatenate([target, sensors])
+    return float(coordinates.min()) - MARGIN_M, float(coordinates.max()) + MARGIN_M
 
 
 def _innovation_charts(run: EvidenceRun) -> Iterator[Chart]:
-    """A chart for each component of each sensor's innovation, those of the findings first."""
-    named = [finding.sensor for finding in run.findings]
-    for series in sorted(run.innovations, key=lambda series: series.sensor not in named):
+    finding_sensors = [finding.sensor for finding in run.findings]
+    for series in sorted(run.innovations, key=lambda series: series.sensor not in finding_sensors):
         units = SENSOR_MODELS[series.kind].units
         for i, component in enumerate(series.components):
             lines = (
@@ -118,7 +117,6 @@ def _innovation_charts(run: EvidenceRun) -> Iterator[Chart]:
 
 
 def _error_charts(run: EvidenceRun) -> Iterator[Chart]:
-    """The position error and the NEES of the tracker and of the reference."""
     errors = run_errors(run)
     position = tuple(_line(name, run.time, errors[name].position, name) for name in COLOURS)
     sigma = errors["tracker"].two_sigma
@@ -130,8 +128,8 @@ def _error_charts(run: EvidenceRun) -> Iterator[Chart]:
     yield Chart((run.drive, "nees"), "NEES", "", nees, bounds)
 
 
-def _line(of: str, time: Array, values: Array, name: str) -> ChartLine:
-    return ChartLine((of,), name, COLOURS[of], time, values, LINE_WIDTHS[of])
+def _line(tracker: str, time: Array, values: Array, name: str) -> ChartLine:
+    return ChartLine((tracker,), name, COLOURS[tracker], time, values, LINE_WIDTHS[tracker])
 
 
 def _bound(side: str, time: Array, value: float, name: str) -> ChartLine:

@@ -25,23 +25,23 @@ from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faul
 from trackbench.subjects.doctor.replay import drive_scene, examination_replay
 
 WIDTH = 80
-#: Words of the result of a passed check that differs from the equations.
+#: Words in the result of a passed check that differs from the equations without harm.
 NO_HARM = "and no harm: "
-#: The end of a fix where the observer of the examination moves.
+#: Sentence at the end of a fix where the observer of the examination moves.
 STANDING = "If your sensors stand still, say so by --static-sensors, or by --scenario FILE."
 
 
 @dataclass(frozen=True)
 class Examination:
-    """The findings and checks of one tracker. A notebook shows them as a page, ``print`` as text."""
+    """Findings and checks of one tracker. A notebook shows them as a page, ``print`` as text."""
 
     tracker: str
     findings: list[Finding]
     checks: list[CheckResult]
     evidence: tuple[EvidenceRun, ...] = field(default=(), compare=False, repr=False)
-    """The test drives that show the findings; none of a tracker of several objects."""
+    """Runs of test drives that show the findings; none for a tracker of several objects."""
     notes: tuple[str, ...] = ()
-    """How the examination differs from the scenario."""
+    """Sentences that say how the examination differs from the scenario."""
 
     @property
     def healthy(self) -> bool:
@@ -50,12 +50,12 @@ class Examination:
 
     @property
     def causes(self) -> list[Finding]:
-        """The findings that are no consequence of another."""
+        """Root causes: findings that are no consequence of another."""
         return [finding for finding in self.findings if finding.consequence_of is None]
 
     @property
     def consequences(self) -> list[Finding]:
-        """The others."""
+        """Findings that are the consequence of another."""
         return [finding for finding in self.findings if finding.consequence_of is not None]
 
     @property
@@ -64,23 +64,22 @@ class Examination:
         return [f"{check.name}: {check.result}" for check in self.checks if check.passed and NO_HARM in check.result]
 
     def certainty(self, cause: Finding | None = None) -> Certainty:
-        """Say how sure the name of a root cause is; of the first one unless given."""
+        """Return how sure the name of a root cause is; by default of the first one."""
         return certainty(self.findings, self.checks, cause or next(iter(self.causes), None))
 
     def json(self) -> dict[str, Any]:
-        """As ``--json`` prints it.
+        """Return the examination as ``--json`` prints it.
 
-        ``confidence`` is the word, null of a consequence; ``explains`` is how many failed checks a finding explains.
+        ``confidence`` is a word, null for a consequence; ``explains`` is the number of failed checks explained.
         """
         return {
             "tracker": self.tracker,
             "healthy": self.healthy,
-            "findings": [self._of_finding(finding) for finding in self.findings],
+            "findings": [self._finding_json(finding) for finding in self.findings],
             "checks": [check.json() for check in self.checks],
         }
 
-    def _of_finding(self, finding: Finding) -> dict[str, Any]:
-        """A root cause has its certainty; other findings have none."""
+    def _finding_json(self, finding: Finding) -> dict[str, Any]:
         sure = self.certainty(finding) if finding in self.causes else None
         return {
             "fault": finding.fault,
@@ -89,17 +88,17 @@ class Examination:
             "sensor": finding.sensor,
             "factor": None if finding.factor is None else float(f"{finding.factor:.3g}"),
             "evidence": finding.evidence,
-            "advice": f"{known_faults()[finding.fault].where} {fix(self, finding)}",
+            "advice": f"{known_faults()[finding.fault].where} {advise_fix(self, finding)}",
             "consequence_of": finding.consequence_of,
             "shown_by": finding.shown_by,
         }
 
     def report(self) -> Report:
-        """The report, as ``trackbench doctor`` writes it."""
+        """Return the report that ``trackbench doctor`` writes."""
         return Report(examination_document(self))
 
     def save(self, folder: Path | str) -> list[str]:
-        """Write the findings, the report, and the replays that are offered; returns the names of the files.
+        """Write the findings, the report, and the replays that are offered; return the names of the files.
 
         Raises:
             TrackbenchError: the folder cannot be written, or holds something else.
@@ -124,11 +123,11 @@ class Examination:
 
 
 def examination_verdict(examination: Examination) -> str:
-    """The result in one sentence."""
-    return f"{examination.tracker}: {_found(examination)}"
+    """Return the result of an examination in one sentence."""
+    return f"{examination.tracker}: {_outcome(examination)}"
 
 
-def _found(examination: Examination) -> str:
+def _outcome(examination: Examination) -> str:
     causes, failed = examination.causes, sum(check.passed is False for check in examination.checks)
     if causes:
         unclear = examination.certainty().word == "unclear"
@@ -144,15 +143,14 @@ def _found(examination: Examination) -> str:
     return f"{made}; {skipped} skipped" if skipped else made
 
 
-def fix(examination: Examination, finding: Finding) -> str:
-    """How to fix a fault; of the sensor's motion, also how to say that there is none."""
-    fault, moves = known_faults()[finding.fault], {name for name, question in questions().items() if question.motion}
-    moved = any(check.name in moves and check.passed is not None for check in examination.checks)
-    return f"{fault.fix} {STANDING}" if "ego" in fault.kinds and moved else fault.fix
+def advise_fix(examination: Examination, finding: Finding) -> str:
+    """Return how to fix a fault; if it is in the sensor's own motion, also how to state that sensors stand still."""
+    fault, motion = known_faults()[finding.fault], {name for name, question in questions().items() if question.motion}
+    is_moved = any(check.name in motion and check.passed is not None for check in examination.checks)
+    return f"{fault.fix} {STANDING}" if "ego" in fault.kinds and is_moved else fault.fix
 
 
 def _facts(examination: Examination, finding: Finding) -> str:
-    """Fault, certainty, sensor and factor."""
     facts = [str(examination.certainty(finding))]
     if finding.sensor is not None:
         facts.append(f"sensor {finding.sensor}")
@@ -162,18 +160,17 @@ def _facts(examination: Examination, finding: Finding) -> str:
 
 
 def _points(examination: Examination, finding: Finding) -> list[tuple[str, str]]:
-    """What is said of a root cause, each with its heading."""
+    """Return evidence, place, fix and unexplained checks of a root cause, each with its heading."""
     points = [
         ("evidence", finding.evidence),
         ("look at", known_faults()[finding.fault].where),
-        ("fix", fix(examination, finding)),
+        ("fix", advise_fix(examination, finding)),
     ]
     besides = examination.certainty(finding).besides
     return [*points, ("besides", f"not explained by it: {', '.join(besides)}")] if besides else points
 
 
-def _not_made(examination: Examination) -> list[tuple[str, str]]:
-    """The reasons for which checks were not made, with the names of these checks."""
+def _reasons_not_made(examination: Examination) -> list[tuple[str, str]]:
     reasons: dict[str, list[str]] = {}
     for check in examination.checks:
         if check.passed is None:
@@ -182,7 +179,7 @@ def _not_made(examination: Examination) -> list[tuple[str, str]]:
 
 
 def examination_text(examination: Examination) -> str:
-    """The verdict, each root cause with its evidence and fix, the consequences, and the checks that failed."""
+    """Return an examination as text: the verdict, root causes with evidence and fix, consequences, failed checks."""
     lines = [*_wrapped(examination_verdict(examination))]
     for remark in examination.remarks:
         lines += ["", *_wrapped(f"remark: {remark}", "  ")]
@@ -201,13 +198,13 @@ def examination_text(examination: Examination) -> str:
     names_follow = ", failed:" if failed else ""
     lines += ["", f"Checks: {len(made) - len(failed)} of {len(made)} passed{names_follow}"]
     for check in failed:
-        # What is found says the rest.
+        # The findings say the rest.
         result = "" if check.faults else f" {check.result}"
         lines += _wrapped(f"  {check.name}: {check.question}{result}", "    ")
     left_out = len(examination.checks) - len(made)
     if left_out:
         lines.append(f"{counted(left_out, 'check')} not made:")
-        for reason, names in _not_made(examination):
+        for reason, names in _reasons_not_made(examination):
             lines += _wrapped(f"  {names}: {reason}", "    ")
     return "\n".join(lines)
 
@@ -217,7 +214,7 @@ def _wrapped(line: str, indent: str = "") -> list[str]:
 
 
 def examination_document(examination: Examination) -> Document:
-    """The report of an examination, with the figures of the runs that show its findings."""
+    """Return the report of an examination as a document, with figures of the runs that show its findings."""
     failed, passed = ([check for check in examination.checks if check.passed is state] for state in (False, True))
     blocks = [
         *_verdict(examination),
@@ -232,7 +229,8 @@ def examination_document(examination: Examination) -> Document:
 
 def _checks(name: str, checks: Sequence[CheckResult]) -> Table:
     columns = tuple(Column(heading, left=True) for heading in ("check", "question", "measured"))
-    return Table(name, columns, tuple(tuple(map(Cell, (it.name, it.question, it.result))) for it in checks))
+    rows = tuple(tuple(map(Cell, (check.name, check.question, check.result))) for check in checks)
+    return Table(name, columns, rows)
 
 
 def _verdict(examination: Examination) -> Iterator[Block]:
@@ -260,7 +258,7 @@ def _findings(examination: Examination) -> Iterator[Block]:
 
 
 def _not_made_section(examination: Examination) -> Iterator[Section]:
-    items = tuple(Item(reason, names) for reason, names in _not_made(examination))
+    items = tuple(Item(reason, names) for reason, names in _reasons_not_made(examination))
     if items:
         yield Section("Not made", (Items(items),))
 

@@ -1,4 +1,4 @@
-"""Are random numbers in a tracker's answers, and how much do they move them?"""
+"""Random samples in a tracker's answers: whether it draws any, and how far they move its estimates."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from trackbench.base.types import Array, Estimate
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-#: Difference by it from which on a tracker has samples, in standard deviations of its estimate. Filters without samples
-#: differ by less, because nearly the same motion is predicted in one step or in two.
+#: Least difference between two predictions, with and without an additional step before, that shows random samples, in
+#: standard deviations. Filters without samples differ less: nearly the same motion is predicted in one step or in two.
 SAMPLED = 3e-3
-#: Difference of covariances from which on they are of other samples, in variances: 0.04 with several models, 0.13 of
-#: 200 samples.
+#: Least difference of two covariances that shows random samples, in variances: several models reach 0.04, 200 samples
+#: reach 0.13.
 SPREAD = 0.06
-#: Difference beyond that of any useful number of samples: an estimate that diverges.
+#: Difference of two predictions above which the estimate diverges; any useful number of samples stays below.
 DIVERGED = 0.5
 
 
 def has_samples(tracker: TrackerUnderTest) -> bool:
-    """Whether random numbers are in its answers: it says so, or copies or repetitions with others differ.
+    """Return whether a tracker draws random samples: it says so, or repeated answers of it differ.
 
-    The means of an ensemble with centred samples agree where nothing has noise, and their covariances differ.
+    An ensemble with centred samples gives equal means where nothing has noise; only its covariances differ.
     """
     if tracker.random or tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
         return True
-    answers = tracker.once(_with_other_samples)
+    answers = tracker.once(_predict_with_redrawn_samples)
     if answers is None:
         return False
     usual, redrawn = answers
@@ -34,8 +34,8 @@ def has_samples(tracker: TrackerUnderTest) -> bool:
 
 
 def sampling_noise(tracker: TrackerUnderTest) -> float:
-    """The largest difference between two answers with other samples, in standard deviations; 0 without samples."""
-    answers = tracker.once(_with_other_samples)
+    """Return the largest change of a predicted mean by redrawn samples, in standard deviations; 0 without samples."""
+    answers = tracker.once(_predict_with_redrawn_samples)
     if answers is None:
         return 0.0
     usual, redrawn = answers
@@ -43,7 +43,7 @@ def sampling_noise(tracker: TrackerUnderTest) -> float:
     return noise if SAMPLED < noise < DIVERGED else 0.0
 
 
-def _with_other_samples(tracker: TrackerUnderTest) -> tuple[Estimate, Estimate] | None:
+def _predict_with_redrawn_samples(tracker: TrackerUnderTest) -> tuple[Estimate, Estimate] | None:
     probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[0]
     scan = tracker.scan(probe, sensor_set[0], 0.0)
     usual, redrawn = (

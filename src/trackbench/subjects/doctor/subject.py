@@ -1,4 +1,4 @@
-"""The tracker that a name on the command line refers to, and the sensors for its examination."""
+"""The tracker that a name on the command line refers to, and the sensors of its examination."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.late import LateScans
 from trackbench.truth.config import FixedObserver, HighwayOptions
 
-#: For a tracker without a scenario.
+#: Sensors for a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {
     "lidar": Lidar(rate_hz=10, position_sigma_m=0.15),
     "radar": Radar(rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1),
@@ -39,82 +39,83 @@ class ExaminedTracker:
 
     name: str
     make: Callable[[], Any]
-    """Gives a fresh tracker of one object, or a stepper of one of several."""
+    """Makes a fresh tracker of one object, or a stepper of a tracker of several."""
     sensors: Mapping[str, Sensor]
     multi_object: bool = False
     notes: tuple[str, ...] = ()
-    """How the examination differs from the scenario."""
+    """Sentences that say how the examination differs from the scenario."""
     observer: Carrier | None = None
-    """That of the scenario; None without one, and of a tracker of several objects."""
+    """Observer of the scenario; None without a scenario, and for a tracker of several objects."""
 
 
-def subject(
+def find_tracker(
     target: str,
     options: Mapping[str, Any],
     scenario: Path | None = None,
     isolation: Isolation = ISOLATED,
     identities: Identities | None = None,
 ) -> ExaminedTracker:
-    """The tracker named by ``SCENARIO#NAME``, ``module:Attr``, a published name or the command of a program.
+    """Return the tracker named by ``SCENARIO#NAME``, ``module:Attr``, a published name or the command of a program.
 
     Args:
-        target: the name.
-        options: keyword arguments of a class; not with ``SCENARIO#NAME``.
-        scenario: the file whose sensors and observer are used. By default those of the tracker's own scenario, or
-            else a radar and a lidar.
+        target: name of the tracker.
+        options: keyword arguments of a class; none with ``SCENARIO#NAME``.
+        scenario: file whose sensors and observer are used. By default those of the tracker's own scenario, or else a
+            radar and a lidar.
         isolation: whether a tracker that is not built in gets a process of its own.
-        identities: hidden of a class that follows several objects, known unless given. A tracker's scenario says it.
+        identities: hidden for a class that follows several objects, known by default. A scenario states its own.
 
     Raises:
         InputError: there is no such scenario, tracker or module, it does not take the options, or its scenario has
             other identities.
-        TrackFault: its process ended while it started.
+        TrackFault: the tracker's process ended while it started.
     """
     file, mark, name = target.rpartition("#")
     if not mark and (Path(target).suffix in (".yaml", ".yml") or target in at_hand()):
         trackers = [f"{target}#{name}" for name in load_scenario(target).config.trackers]
         raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=target)
-    other = None if scenario is None else load_scenario(scenario)
-    sensors = SENSORS if other is None else other.config.sensors
+    sensor_scenario = None if scenario is None else load_scenario(scenario)
+    sensors = SENSORS if sensor_scenario is None else sensor_scenario.config.sensors
     if mark:
         loaded = load_scenario(Path(file))
-        own = loaded.config.sensing.identities
-        if identities not in (None, own):
-            raise InputError(f"the scenario's identities are {own}: leave --identities out", file=Path(file))
-        return subject_in(loaded, name, options, other, isolation)
+        stated = loaded.config.sensing.identities
+        if identities not in (None, stated):
+            raise InputError(f"the scenario's identities are {stated}: leave --identities out", file=Path(file))
+        return find_tracker_in(loaded, name, options, sensor_scenario, isolation)
     folder = None if scenario is None else scenario.resolve().parent
     tracker = PluginConfig.model_validate({"use": use_of(target), "options": dict(options)})
     if identities == "hidden":
         return ExaminedTracker(target, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
-    alone = _startable(ExaminedTracker(target, fresh(tracker, folder, isolation), sensors))
-    return alone if other is None else _observed(alone, other)
+    examined = _startable(ExaminedTracker(target, fresh(tracker, folder, isolation), sensors))
+    return examined if sensor_scenario is None else _with_observer(examined, sensor_scenario)
 
 
-def subject_in(
+def find_tracker_in(
     loaded: Scenario,
     name: str,
     options: Mapping[str, Any] = {},
-    other: Scenario | None = None,
+    sensor_scenario: Scenario | None = None,
     isolation: Isolation = ISOLATED,
 ) -> ExaminedTracker:
-    """A tracker of a scenario; as :func:`subject`.
+    """Return a tracker of a scenario, ready to be examined.
 
     Args:
-        loaded: the scenario.
-        name: of the tracker.
-        options: none, which a scenario has.
-        other: the scenario whose sensors and observer are used instead.
+        loaded: scenario with the tracker.
+        name: name of the tracker.
+        options: no entries; the scenario has the options of its trackers.
+        sensor_scenario: scenario whose sensors and observer are used instead.
         isolation: whether a tracker that is not built in gets a process of its own.
 
     Raises:
         InputError: there is no such tracker, or it cannot be examined.
     """
-    examined = _of_scenario(loaded, name, options, None if other is None else other.config.sensors, isolation)
-    return examined if examined.multi_object else _observed(examined, other or loaded)
+    sensors = None if sensor_scenario is None else sensor_scenario.config.sensors
+    examined = _read_tracker(loaded, name, options, sensors, isolation)
+    return examined if examined.multi_object else _with_observer(examined, sensor_scenario or loaded)
 
 
-def lives_elsewhere(target: str, isolation: Isolation) -> bool:
-    """Whether a tracker is a class of Python that gets a process of its own."""
+def gets_own_process(target: str, isolation: Isolation) -> bool:
+    """Return whether a tracker is a Python class that gets a process of its own."""
     file, mark, name = target.rpartition("#")
     if not mark:
         config: FilterConfig | PluginConfig = PluginConfig.model_validate({"use": use_of(target)})
@@ -126,22 +127,23 @@ def lives_elsewhere(target: str, isolation: Isolation) -> bool:
     return isolation.of(config) and not is_program(config)
 
 
-def _observed(of: ExaminedTracker, scenario: Scenario) -> ExaminedTracker:
-    """The tracker with the observer of a scenario, and with a note of rates that the examination does not have."""
+def _with_observer(examined: ExaminedTracker, scenario: Scenario) -> ExaminedTracker:
+    """Return the tracker with the observer of a scenario, and with a note on rates that the examination changes."""
     truth = scenario.config.truth
     if isinstance(truth, HighwayOptions) and isinstance(truth.observer, FixedObserver):
-        # It is known without a simulation.
+        # This observer is known without a simulation.
         fixed = truth.observer
         observer = Carrier(fixed.x, fixed.y, float(np.deg2rad(fixed.yaw_deg)))
     else:
         observer = carrier_of(truth_of(scenario).truth.observer)
     least, most = RATES
-    other = [name for name, sensor in of.sensors.items() if sensor.rate_hz and not least <= sensor.rate_hz <= most]
-    notes = [f"the rate of {name} is {examination_rate(of.sensors[name]):g} Hz here" for name in other]
-    return replace(of, observer=observer, notes=(*of.notes, *notes))
+    sensors = examined.sensors
+    changed = [name for name, sensor in sensors.items() if sensor.rate_hz and not least <= sensor.rate_hz <= most]
+    notes = [f"the rate of {name} is {examination_rate(sensors[name]):g} Hz here" for name in changed]
+    return replace(examined, observer=observer, notes=(*examined.notes, *notes))
 
 
-def _of_scenario(
+def _read_tracker(
     loaded: Scenario, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None, isolation: Isolation
 ) -> ExaminedTracker:
     config, path = loaded.config, loaded.path
@@ -172,17 +174,17 @@ def _of_scenario(
     return _startable(ExaminedTracker(name, fresh(tracker, folder, isolation), used))
 
 
-def _startable(of: ExaminedTracker) -> ExaminedTracker:
-    """The tracker; one that starts from the truth is made to start from two measurements."""
-    made = of.make()
-    if not (isinstance(made, LateScans) and made.starts_from_truth):
-        return of
+def _startable(examined: ExaminedTracker) -> ExaminedTracker:
+    """Make a tracker that starts from the truth start from two measurements; return any other as it comes."""
+    first = examined.make()
+    if not (isinstance(first, LateScans) and first.starts_from_truth):
+        return examined
     initial = InitialConfig.model_validate("two_measurements")
 
     def make() -> Tracker:
-        tracker = of.make()
+        tracker = examined.make()
         assert isinstance(tracker, LateScans)
         return replace(tracker, tracker=replace(tracker.tracker, initial=initial))
 
     note = "its tracks start from two measurements here, and from the truth in the scenario"
-    return replace(of, make=make, notes=(*of.notes, note))
+    return replace(examined, make=make, notes=(*examined.notes, note))

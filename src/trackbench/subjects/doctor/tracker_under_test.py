@@ -1,4 +1,4 @@
-"""The tracker under test: sessions that have followed the targets of probes, trials there, and its kind of filter."""
+"""The tracker under test: its sessions and trials at the probes, and its kind of filter."""
 
 from __future__ import annotations
 
@@ -16,42 +16,42 @@ from trackbench.subjects.doctor.assumptions import NONE, Assumptions
 from trackbench.subjects.doctor.drives import Rollout, TestDrive
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Probe, Probes, probe_rate
-from trackbench.subjects.doctor.session import Examined, MissGiven, StepFailed, TrackerSession, finite, not_counted
-from trackbench.subjects.doctor.trial import Trial, averaged
+from trackbench.subjects.doctor.session import MissGiven, StepFailed, TrackerFactory, TrackerSession, do_nothing, finite
+from trackbench.subjects.doctor.trial import Trial, average_answers
 from trackbench.trackers.answers import Tracker, is_random
 
-#: How long a probe's target is followed before time 0, s.
+#: Time for which a probe's target is followed before time 0, s.
 WARM_UP = 3.0
-#: Least number of scans of each sensor with which it is followed.
+#: Least number of scans of each sensor before time 0.
 LEAST_SCANS = 30
-#: How often a tracker is asked whose copies draw different random numbers.
+#: Number of answers that are averaged where copies of the tracker draw different random numbers.
 REPEATS = 16
-#: Time of the additional prediction that shifts the random numbers of a tracker that draws some at every step, s.
+#: Time from the additional prediction, which shifts the random numbers of a tracker, to the next scan, s.
 ADDITIONAL_STEP = 1e-3
-#: Gap after which the predictions are uncertain enough for the second order, s.
+#: Gap after which predictions are uncertain enough to show second-order terms, s.
 UNCERTAIN = 1.0
-#: Second-order term that is large enough to be looked for, in standard deviations of the measurement.
+#: Least second-order term at which the kind of filter is looked for, in standard deviations of the measurement.
 CLEAR = 0.3
-#: Difference of the predicted measurement from that of the predicted mean which an EKF does not have, in standard
-#: deviations: 0.00 with linearisation, 0.1 and more with sigma points or samples, however wrong their weights are.
+#: Largest difference of an EKF's predicted measurement from the measurement of its predicted mean, in standard
+#: deviations. Linearisation has 0.00, sigma points or samples have 0.1 and more, however wrong their weights are.
 LINEARISED = 0.03
-#: Offset of the measurements for a tracker that may learn it, in their standard deviations; and for how long, s.
+#: Offset given to a tracker that may learn it, in standard deviations of the measurement, and its duration, s.
 OFFSET, LEARNING = 3.0, 4.0
 
 Answer = TypeVar("Answer")
 
 
 class TrackerUnderTest:
-    """What the checks of an examination share.
+    """The tracker under test, and the sessions, trials and failures that all its checks share.
 
     Args:
-        make: gives a fresh tracker.
-        sensors: by name.
-        drives: the test drives, each with the estimates of the reference.
+        make: makes a fresh tracker.
+        sensors: sensors by name.
+        drives: test drives, each with the estimates of the reference.
         probes: all probes.
-        seed: of the noise.
-        assumptions: what the user states.
-        on_step: called after each of its steps.
+        seed: seed of the noise.
+        assumptions: what the user states of the tracker and its sensors.
+        on_step: called after each step of the tracker.
     """
 
     def __init__(
@@ -62,9 +62,9 @@ class TrackerUnderTest:
         probes: Probes,
         seed: int,
         assumptions: Assumptions = NONE,
-        on_step: Callable[[], None] = not_counted,
+        on_step: Callable[[], None] = do_nothing,
     ) -> None:
-        self.make = Examined(make, assumptions.no_misses, on_step)
+        self.make = TrackerFactory(make, assumptions.no_misses, on_step)
         self.assumptions = assumptions
         self.sensors = sensors
         self.drives = drives
@@ -72,48 +72,48 @@ class TrackerUnderTest:
         self.seed = seed
         self.output_checks = OutputChecks()
         self.failures: list[tuple[str, StepFailed]] = []
-        """Each with the name of the probe, drive or check where it happened."""
+        """Failed steps, each with the name of the probe, drive or check where it happened."""
         self._sessions: dict[tuple[Probe, tuple[str, ...], bool], TrackerSession | None] = {}
         self._trials: dict[tuple[Probe, str, tuple[str, ...], bool], Trial | None] = {}
         self._at_zero: dict[Probe, tuple[TrackerSession, Estimate] | None] = {}
         self._predictions: dict[tuple[Probe, float], Estimate | None] = {}
         self._answers: dict[Callable[[TrackerUnderTest], Any], Any] = {}
 
-    def of_another(self, make: Callable[[], Tracker]) -> TrackerUnderTest:
-        """Another tracker, examined as this one is."""
+    def for_tracker(self, make: Callable[[], Tracker]) -> TrackerUnderTest:
+        """Return another tracker under the same test."""
         on_step = self.make.on_step
         return TrackerUnderTest(make, self.sensors, self.drives, self.probes, self.seed, self.assumptions, on_step)
 
-    def once(self, ask: Callable[[TrackerUnderTest], Answer]) -> Answer:
-        """What a function tells of the tracker; it is called once."""
-        if ask not in self._answers:
-            self._answers[ask] = ask(self)
-        answer: Answer = self._answers[ask]
+    def once(self, question: Callable[[TrackerUnderTest], Answer]) -> Answer:
+        """Return a function's answer about the tracker; the function is called the first time only."""
+        if question not in self._answers:
+            self._answers[question] = question(self)
+        answer: Answer = self._answers[question]
         return answer
 
     @contextmanager
     def recording_failures(self, where: str) -> Iterator[None]:
-        """Add a failed step to the failures, and end the block."""
+        """Add a failed step to the failures, and go on after the ``with`` block."""
         try:
             yield
         except MissGiven:
-            # Not its fault.
+            # Not the tracker's fault.
             return
         except StepFailed as failure:
             self.failures.append((where, failure))
 
     def sensor_sets(self) -> list[tuple[str, ...]]:
-        """The sets of sensors with which targets are followed: each sensor alone, and all."""
-        alone: list[tuple[str, ...]] = [(name,) for name in self.sensors]
-        return alone if len(alone) == 1 else [*alone, tuple(self.sensors)]
+        """Return the sets of sensors with which targets are followed: each sensor alone, and all."""
+        single_sensors: list[tuple[str, ...]] = [(name,) for name in self.sensors]
+        return single_sensors if len(single_sensors) == 1 else [*single_sensors, tuple(self.sensors)]
 
     def session_at(self, probe: Probe, sensor_set: tuple[str, ...], *, replica: bool = False) -> TrackerSession | None:
-        """A session that has followed the probe's target without noise up to time 0; None if the tracker failed.
+        """Return a session that has followed the probe's target without noise up to time 0; None if the tracker failed.
 
         Args:
-            probe: where.
-            sensor_set: with what.
-            replica: with one prediction more, so that a tracker that draws random numbers has others.
+            probe: probe whose target is followed.
+            sensor_set: names of the sensors that measure the target.
+            replica: whether an additional prediction shifts the random numbers of a tracker that draws some.
         """
         key = (probe, sensor_set, replica)
         if key not in self._sessions:
@@ -121,20 +121,20 @@ class TrackerUnderTest:
         return self._sessions[key]
 
     def session_of_most(self, probe: Probe) -> TrackerSession | None:
-        """The same with all sensors, or with one of those with which the tracker does not fail."""
-        found = (self.session_at(probe, sensor_set) for sensor_set in reversed(self.sensor_sets()))
-        return next((session for session in found if session is not None), None)
+        """Return a session at a probe with all sensors, or with one sensor where the tracker fails with all."""
+        sessions = (self.session_at(probe, sensor_set) for sensor_set in reversed(self.sensor_sets()))
+        return next((session for session in sessions if session is not None), None)
 
     def _follow(self, probe: Probe, sensor_set: tuple[str, ...], replica: bool) -> TrackerSession | None:
         session = TrackerSession(self.make)
-        # One that starts earlier has other random numbers, too.
+        # A session that starts earlier has other random numbers, too.
         earlier = 0.1 if replica and self.assumptions.no_misses else 0.0
         scans = self.approach(probe, sensor_set, WARM_UP + earlier)
         if replica and not self.assumptions.no_misses:
-            # A prediction shortly before the one two thirds on: the same to a Kalman filter, other random numbers from
-            # there on to a filter that draws some.
-            at = 2 * len(scans) // 3
-            scans.insert(at, empty_scan(scans[at]._replace(time=scans[at].time - ADDITIONAL_STEP)))
+            # One prediction more changes nothing in a Kalman filter; a filter that draws samples has other random
+            # numbers from there on.
+            index = 2 * len(scans) // 3
+            scans.insert(index, empty_scan(scans[index]._replace(time=scans[index].time - ADDITIONAL_STEP)))
         estimates: list[Estimate | None] = []
         with self.recording_failures(probe.name):
             estimates.extend(session.walk(scans))
@@ -142,44 +142,44 @@ class TrackerUnderTest:
         return session if len(estimates) == len(scans) else None
 
     def scan(self, probe: Probe, name: str, time: float) -> Scan:
-        """The measurement of a probe's target by a sensor, without noise."""
+        """Return the noise-free measurement of a probe's target by a sensor."""
         return probe.scan(name, self.sensors[name], time)
 
     def missed(self, probe: Probe, name: str, time: float) -> Scan:
-        """The scan of a sensor that does not detect the target."""
+        """Return the scan of a sensor that does not detect the target."""
         return empty_scan(self.scan(probe, name, time))
 
     def peek(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
-        """What a session would answer to a scan; None where there is no estimate, or the step fails."""
+        """Return a session's answer to a scan; None where there is no estimate, or the step fails."""
         if session is not None:
             with self.recording_failures(where):
                 return session.peek(scan)
         return None
 
     def predict(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
-        """What a session predicts to a scan; None where there is no estimate, or the step fails."""
+        """Return a session's prediction to the time of a scan; None where there is no estimate, or the step fails."""
         if session is not None:
             with self.recording_failures(where):
                 return session.predict(scan)
         return None
 
     def approach(self, probe: Probe, sensor_set: tuple[str, ...], duration: float = WARM_UP) -> list[Scan]:
-        """The scans without noise before time 0, ordered by time and then by sensor."""
+        """Return the noise-free scans before time 0, ordered by time and then by sensor."""
         scans = []
         for name in sensor_set:
             rate = probe_rate(self.sensors[name])
-            before = max(int(duration * rate), LEAST_SCANS)
-            scans += [self.scan(probe, name, k / rate) for k in range(-before, 0)]
+            count = max(int(duration * rate), LEAST_SCANS)
+            scans += [self.scan(probe, name, k / rate) for k in range(-count, 0)]
         return sorted(scans, key=lambda scan: scan.time)
 
     def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], *, replica: bool = False) -> Trial | None:
-        """A trial of one sensor at a probe; None where the tracker failed or has no estimate."""
+        """Return a trial of one sensor at a probe; None where the tracker failed or has no estimate."""
         key = (probe, sensor, sensor_set, replica)
         if key not in self._trials:
-            self._trials[key] = self._tried(*key)
+            self._trials[key] = self._make_trial(*key)
         return self._trials[key]
 
-    def _tried(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], replica: bool) -> Trial | None:
+    def _make_trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], replica: bool) -> Trial | None:
         session = self.session_at(probe, sensor_set, replica=replica)
         if session is None:
             return None
@@ -188,15 +188,16 @@ class TrackerUnderTest:
             if self.assumptions.no_misses:
                 prediction = session.predict(scan)
             else:
-                prediction = averaged(session, empty_scan(scan), self.repeats)
+                prediction = average_answers(session, empty_scan(scan), self.repeats)
             if prediction is not None:
                 return Trial(probe.name, probe.description, scan, prediction, session, self.repeats, sensor_set)
         return None
 
     def predicted(self, probe: Probe, step: float) -> tuple[Estimate, Estimate] | None:
-        """The estimates at a missed scan at time 0 and at one ``step`` s later, after measurements of most sensors.
+        """Return the estimates at a missed scan at time 0, and at one ``step`` s later.
 
-        None where the tracker failed, or one of them is none or not finite.
+        None where the tracker failed, or an estimate is missing or not finite. Before time 0 all sensors measure,
+        or one where the tracker fails with all.
         """
         name = next(iter(self.sensors))
         if probe not in self._at_zero:
@@ -218,32 +219,32 @@ class TrackerUnderTest:
 
     @cached_property
     def trials(self) -> dict[str, list[Trial]]:
-        """By sensor: the usable trials at the regular probes."""
+        """Usable trials at the regular probes, by sensor."""
         return self._regular_trials(replica=False)
 
     @cached_property
     def replicas(self) -> dict[str, list[Trial]]:
-        """The same with other samples."""
+        """Usable trials at the regular probes with other random samples, by sensor."""
         return self._regular_trials(replica=True)
 
     def _regular_trials(self, *, replica: bool) -> dict[str, list[Trial]]:
-        found: dict[str, list[Trial]] = {name: [] for name in self.sensors}
+        trials: dict[str, list[Trial]] = {name: [] for name in self.sensors}
         for probe in self.probes.regular:
             for sensor_set in self.sensor_sets():
                 for name in self.sensors:
                     trial = self.trial(probe, name, sensor_set, replica=replica)
                     if trial is not None and trial.usable:
-                        found[name].append(trial)
-        return found
+                        trials[name].append(trial)
+        return trials
 
     @cached_property
     def batched(self) -> bool:
-        """Whether it takes a batch of targets at once."""
+        """Whether the tracker takes a batch of targets at once."""
         return bool(getattr(self.make(), "batched", False))
 
     @cached_property
     def repeats(self) -> int:
-        """How often an answer is asked for: once, unless copies of the tracker draw different random numbers."""
+        """Number of answers that are averaged: 1, unless copies of the tracker draw different random numbers."""
         probe, sensor_set = self.probes.general[0], self.sensor_sets()[0]
         session = self.session_at(probe, sensor_set)
         scan = self.scan(probe, sensor_set[0], 0.0)
@@ -255,7 +256,7 @@ class TrackerUnderTest:
 
     @cached_property
     def silent_at_misses(self) -> bool:
-        """Whether a track that goes on after a measurement has no estimate (None) at a missed one."""
+        """Whether the tracker returns no estimate (None) at a missed scan where it has one at a measurement."""
         probe, sensor_set = self.probes.general[0], self.sensor_sets()[-1]
         session = self.session_at(probe, sensor_set)
         scan = self.scan(probe, sensor_set[0], 0.0)
@@ -271,7 +272,7 @@ class TrackerUnderTest:
 
     @cached_property
     def memoryless(self) -> bool:
-        """Whether the tracker predicts no motion, and its position is that of the last measurement."""
+        """Whether the tracker predicts no motion, and its position is the last measured one."""
         for trial in (trial for trials in self.trials.values() for trial in trials):
             scan, predicted = trial.scan, trial.prediction.mean
             if not self.assumptions.no_misses:
@@ -288,10 +289,10 @@ class TrackerUnderTest:
 
 
 def linearises(tracker: TrackerUnderTest) -> bool | None:
-    """Whether the predicted measurement is that of the predicted mean, as an EKF has it; None where unknown.
+    """Return whether the tracker linearises the measurement model, as an EKF does; None where unknown.
 
-    Sigma points and samples add a term of second order, ``tr(A P) / 2`` with the second derivative A of the model from
-    the filter's own state (Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2).
+    An EKF predicts the measurement of its predicted mean. Sigma points and samples add a second-order term,
+    ``tr(A P) / 2`` with the model's second derivative A (Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2).
     """
     offsets = []
     for probe in (*tracker.probes.general, tracker.probes.tangential):
@@ -306,17 +307,17 @@ def linearises(tracker: TrackerUnderTest) -> bool | None:
 
 
 def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: TrackerSession, gap: float) -> Trial | None:
-    """A trial of a sensor some time after the last measurement."""
+    """Return a trial of a sensor ``gap`` s after time 0; None where the tracker has no prediction."""
     scan = tracker.scan(probe, name, gap)
     prediction = tracker.predict(session, scan, probe.name)
     return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
 
 
 def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:
-    """The components of a sensor whose constant errors the tracker estimates, besides what it returns."""
+    """Return the components of a sensor whose constant offset the tracker learns."""
     probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[-1]
     model = SENSOR_MODELS[tracker.sensors[sensor].type]
-    found = []
+    learned = []
     for i, component in enumerate(model.components):
         last = tracker.scan(probe, sensor, 0.0)
         error = np.zeros(len(last.measurement))
@@ -330,5 +331,5 @@ def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:
             trial = after_gap(tracker, probe, sensor, session, 0.0)
             offset = None if trial is None or not trial.usable else trial.offset()
             if offset is not None and offset[i] > error[i] / 2:
-                found.append(component.replace("_", " "))
-    return found
+                learned.append(component.replace("_", " "))
+    return learned

@@ -1,4 +1,4 @@
-"""What explains wrong innovations: measurement models with one known fault each."""
+"""Measurement models with one known fault each, to explain wrong innovations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trackbench.subjects.doctor.probes import rotation
 
 DEGREE = 180.0 / np.pi
 
-#: Fault, description, and the azimuth that the wrong model gives for the right one.
+#: Fault, description, and function that gives the wrong azimuth for the right one.
 AZIMUTHS: tuple[tuple[str, str, Callable[[float], float]], ...] = (
     ("arctan_quadrant", "azimuths behind the sensor are predicted ahead of it", lambda a: np.arctan(np.tan(a))),
     ("axis_mirrored", "the azimuth is measured clockwise", lambda a: -a),
@@ -25,8 +25,8 @@ AZIMUTHS: tuple[tuple[str, str, Callable[[float], float]], ...] = (
     ("degrees_for_radians", "the azimuth in radians is converted to radians again", lambda a: a / DEGREE),
 )
 
-#: What is subtracted from the range rate over ground for the sensor's own velocity ``(2,)``, by its yaw and the line of
-#: sight ``(2,)``.
+#: Description, and function that gives what is subtracted from the range rate over ground: of the sensor's own
+#: velocity ``(2,)``, its yaw and the line of sight ``(2,)``.
 EGO_VELOCITIES: tuple[tuple[str, Callable[[Array, float, Array], float]], ...] = (
     ("the sensor's own velocity is added to the target's", lambda v, _, sight: -float(v @ sight)),
     (
@@ -51,13 +51,13 @@ class WrongModel(NamedTuple):
 
     fault: str
     description: str
-    """What the tracker does."""
+    """Words that say what the tracker does."""
     measure: Callable[[Array, Scan], Array]
-    """The predicted measurement ``(m,)`` of a target ``(4,)`` at a scan."""
+    """Returns the predicted measurement ``(m,)`` of a target ``(4,)`` at a scan."""
 
 
 def wrong_models(kind: str) -> Iterator[WrongModel]:
-    """The wrong models of a kind of sensor, simple ones first."""
+    """Yield the wrong models of a kind of sensor, simple ones first."""
     if kind == "lidar":
         rotated = "x and y are swapped, and one has the other sign"
         for fault, description, order, signs in (
@@ -77,9 +77,9 @@ def wrong_models(kind: str) -> Iterator[WrongModel]:
         description = "the range rate is predicted as the velocity along the boresight"
         yield WrongModel("speed_for_range_rate", description, _forward)
         description = "the range rate leaves out the sensor's own velocity"
-        yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=(1, 1, 1), velocity=0))
-        for description, own in EGO_VELOCITIES:
-            yield WrongModel("ego_motion_wrong", description, partial(_rated, own=own))
+        yield WrongModel("ego_motion_ignored", description, partial(_with_scaled_pose, pose=(1, 1, 1), velocity=0))
+        for description, ego_rate in EGO_VELOCITIES:
+            yield WrongModel("ego_motion_wrong", description, partial(_rated, ego_rate=ego_rate))
     for fixed in (False, True) if kind != "lidar" else ():
         for fault, description, change in AZIMUTHS:
             yield WrongModel(fault, description, partial(_azimuth, change=change, fixed=fixed))
@@ -91,20 +91,20 @@ def wrong_models(kind: str) -> Iterator[WrongModel]:
         ("the sensor's position and velocity are left out", (0, 0, 1), 0),
         ("the sensor's yaw and velocity are left out", (1, 1, 0), 0),
     ):
-        yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=pose, velocity=velocity))
+        yield WrongModel("ego_motion_ignored", description, partial(_with_scaled_pose, pose=pose, velocity=velocity))
     for description, pose in (
         ("the sensor's position has the wrong sign", (-1, -1, 1)),
         ("the sensor's yaw has the wrong sign", (1, 1, -1)),
         ("the sensor's yaw is applied twice", (1, 1, 2)),
     ):
-        yield WrongModel("ego_motion_wrong", description, partial(_posed, pose=pose, velocity=1))
+        yield WrongModel("ego_motion_wrong", description, partial(_with_scaled_pose, pose=pose, velocity=1))
     for description, factor in (("in degrees", DEGREE), ("converted to radians twice", 1 / DEGREE)):
-        measure = partial(_posed, pose=(1, 1, factor), velocity=1)
+        measure = partial(_with_scaled_pose, pose=(1, 1, factor), velocity=1)
         yield WrongModel("degrees_for_radians", f"the sensor's yaw is {description}", measure)
 
 
 def right_measurement(target: Array, scan: Scan) -> Array:
-    """``(m,)`` by the right model."""
+    """Return the measurement ``(m,)`` of a target by the right model."""
     return SENSOR_MODELS[scan.kind].measure(target, scan.sensor_pose, scan.sensor_velocity)
 
 
@@ -113,14 +113,13 @@ def _reordered(target: Array, scan: Scan, order: int, signs: list[int]) -> Array
 
 
 def _azimuth(target: Array, scan: Scan, change: Callable[[float], float], fixed: bool) -> Array:
-    """The azimuth changed in the sensor's frame, or in the fixed frame before the yaw is subtracted."""
+    """Change the azimuth in the sensor's frame, or in the fixed frame before the yaw is subtracted."""
     z, yaw = right_measurement(target, scan).copy(), scan.sensor_pose[2] if fixed else 0.0
     z[1] = change(float(z[1] + yaw)) - yaw
     return z
 
 
-def _posed(target: Array, scan: Scan, pose: tuple[float, float, float], velocity: float) -> Array:
-    """With the sensor's pose and velocity multiplied by factors."""
+def _with_scaled_pose(target: Array, scan: Scan, pose: tuple[float, float, float], velocity: float) -> Array:
     pose_used, velocity_used = scan.sensor_pose * np.array(pose, dtype=float), scan.sensor_velocity * velocity
     return SENSOR_MODELS[scan.kind].measure(target, pose_used, velocity_used)
 
@@ -138,10 +137,10 @@ def _forward(target: Array, scan: Scan) -> Array:
     return z
 
 
-def _rated(target: Array, scan: Scan, own: Callable[[Array, float, Array], float]) -> Array:
-    """With another share of the sensor's velocity in the range rate."""
-    still = scan._replace(sensor_velocity=np.zeros(2))
-    z = right_measurement(target, still).copy()
+def _rated(target: Array, scan: Scan, ego_rate: Callable[[Array, float, Array], float]) -> Array:
+    """Subtract another function of the sensor's velocity from the range rate."""
+    at_rest = scan._replace(sensor_velocity=np.zeros(2))
+    z = right_measurement(target, at_rest).copy()
     sight = target[:2] - scan.sensor_pose[:2]
-    z[2] -= own(scan.sensor_velocity, float(scan.sensor_pose[2]), sight / max(float(np.hypot(*sight)), 1e-9))
+    z[2] -= ego_rate(scan.sensor_velocity, float(scan.sensor_pose[2]), sight / max(float(np.hypot(*sight)), 1e-9))
     return z

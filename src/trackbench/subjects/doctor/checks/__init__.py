@@ -1,4 +1,4 @@
-"""The checks of an examination: each looks for one family of faults.
+"""Checks of an examination; each looks for one family of faults.
 
-A module here is found by itself. It has functions that make checks of a tracker under test, and their records.
+A new module here is found by itself. It has functions that check a tracker under test, and the records of these checks.
 """

@@ -1,11 +1,11 @@
 """Do the equations of a filter hold for the mean and the covariance that its tracker holds?
 
-They are found in the tracker by what they do (`inside.own_filter`). Chosen beliefs are put in their places, and each
-equation is checked on the answers (Bar-Shalom, Li and Kirubarajan 2001, sections 5.2.3, 6.2.2, 6.3.2 and 10.3): a
-difference D of covariances is predicted to ``F D F^T``, a covariance of nearly zero to Q; a gain is
+Mean and covariance are found in the tracker by what they do (`inside.own_filter`). Chosen beliefs are put in their
+places, and each equation is checked on the answers (Bar-Shalom, Li and Kirubarajan 2001, sections 5.2.3, 6.2.2, 6.3.2
+and 10.3). A difference D of covariances is predicted to ``F D F^T``, a covariance of nearly zero to Q. A gain is
 ``P H^T (H P H^T + R)^-1``, and the covariance after it ``(I - K H) P (I - K H)^T + K R K^T``. F and K are differences
-of the tracker's own answers. Where an equation does not hold, the lines of the step are searched for the matrix by
-which it does.
+of the tracker's own answers. Where an equation does not hold, the lines of the step are searched for the matrix that
+explains the answer.
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.updates import TIMES_ADDED, update_finding
 from trackbench.subjects.doctor.findings import PROVEN, Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.inside.own_filter import NARROW, OwnFilter, covariances_apart, own_filter
+from trackbench.subjects.doctor.inside.own_filter import NARROW, OwnFilter, covariance_difference, own_filter
 from trackbench.subjects.doctor.inside.values import Assigned
 from trackbench.subjects.doctor.inside.written import last_values, same_matrix, wrong_entry
 from trackbench.subjects.doctor.matrices import best_multiple, largest_entry
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-#: Times of predictions, s, each twice the one before, and the one over which covariances are moved.
+#: Times of predictions, s, each twice the one before; and the time over which covariances are moved, s.
 TIMES, OVER = (0.05, 0.1, 0.2, 0.4), 0.1
-#: Error of a covariance relative to the right one from which on it is wrong: Jacobians that are taken elsewhere than at
-#: the mean, or cut off, have 0.03.
+#: Least error of a covariance, relative to the right one, that is a fault. Jacobians that are cut off, or taken
+#: elsewhere than at the mean, have 0.03.
 WRONG = 0.1
-#: Error up to which it is that of another matrix, and of its transpose: both are near to no motion.
+#: Largest error with which another matrix explains a covariance; and with which its transpose, or no motion, does.
 USED, EXACT = 0.01, 1e-6
-#: Difference of a transition's derivative from the identity that is rounding.
+#: Difference of a transition's derivative from the identity that is only rounding.
 STANDS = 1e-6
-#: Share of a motion that is not within the column space of a noise.
+#: Share of a motion outside the column space of a noise below which the motion counts as within.
 OUTSIDE = 0.1
-#: Share by which a noise falls from one time to the next.
+#: Least share by which a falling noise falls from one time to the next.
 FALLS = 0.2
-#: Distance of an exponent from a whole number that is rounding. A sum of two powers has none.
+#: Largest distance of an exponent from a whole number that is only rounding; a sum of two powers is farther away.
 WHOLE = 0.02
-#: Correlation of two entries of a noise from which on one acceleration is in both, and up to which none is.
+#: Correlation of two entries of a noise above which they share an acceleration, and below which they share none.
 TIED, UNTIED = 0.7, 0.1
-#: Share of the square of its motion by which a mean's covariance grows that is no process noise.
+#: Least growth of a covariance, relative to the square of its mean's motion, that is no process noise.
 SQUARED = 0.9
 #: Faults that are a way of filtering where the drives show no harm.
 HARMLESS = ("gain_inconsistent", "r_too_large")
-#: Targets that are tried.
+#: Number of targets that are tried.
 TARGETS = 3
 
 
@@ -138,58 +138,59 @@ class EquationAnswers(NamedTuple):
     findings: tuple[Finding, ...]
     """Wrong equations at the last target."""
     right: frozenset[str]
-    """Names of the sensors whose gains follow from the covariance that is held, at all targets."""
+    """Names of the sensors whose gains follow from the held covariance at all targets."""
 
 
 def equation_answers(tracker: TrackerUnderTest) -> EquationAnswers:
-    """Try each equation at a few targets."""
-    looked, right = 0, set(tracker.sensors)
+    """Return the wrong equations of a tracker, tried at a few targets."""
+    target_count, right = 0, set(tracker.sensors)
     for probe in () if tracker.random or tracker.repeats > 1 else tracker.probes.general[:TARGETS]:
         session = tracker.session_of_most(probe)
-        own = None if session is None else own_filter(session)
-        if own is None:
+        held = None if session is None else own_filter(session)
+        if held is None:
             continue
-        looked += 1
-        scans = [probe.scan(name, sensor, 0.0)._replace(time=own.time) for name, sensor in tracker.sensors.items()]
-        of_sensors = {scan.sensor: update_finding(own, scan) for scan in scans}
-        right -= {name for name, (_, is_right) in of_sensors.items() if not is_right}
-        findings = [_of_prediction(own), *(finding for finding, _ in of_sensors.values())]
-        found = [replace(finding, shown_by=probe.name) for finding in findings if finding is not None]
-        if found:
-            return EquationAnswers(looked, tuple(found), frozenset(right))
-    return EquationAnswers(looked, (), frozenset(right if looked else ()))
+        target_count += 1
+        scans = [probe.scan(name, sensor, 0.0)._replace(time=held.time) for name, sensor in tracker.sensors.items()]
+        of_updates = {scan.sensor: update_finding(held, scan) for scan in scans}
+        right -= {name for name, (_, is_right) in of_updates.items() if not is_right}
+        findings = [_prediction_fault(held), *(finding for finding, _ in of_updates.values())]
+        wrong = [replace(finding, shown_by=probe.name) for finding in findings if finding is not None]
+        if wrong:
+            return EquationAnswers(target_count, tuple(wrong), frozenset(right))
+    return EquationAnswers(target_count, (), frozenset(right if target_count else ()))
 
 
-def _of_prediction(own: OwnFilter) -> Finding | None:
+def _prediction_fault(held: OwnFilter) -> Finding | None:
     with suppress(StepFailed):
-        return _of_motion(own) or _of_noise(own)
+        return _motion_fault(held) or _noise_fault(held)
     return None
 
 
-def _of_motion(own: OwnFilter) -> Finding | None:
+def _motion_fault(held: OwnFilter) -> Finding | None:
     """Report a prediction that moves covariances otherwise than the mean."""
-    scan = empty_scan(own.session.given[-1]._replace(time=own.time + OVER))
-    narrow = NARROW * own.covariance
-    right = own.derivative(scan, lambda after: after.mean, narrow)
-    less, more = (own.after(scan, covariance=size * narrow, trace=True) for size in (1.0, 2.0))
+    scan = empty_scan(held.session.scans[-1]._replace(time=held.time + OVER))
+    narrow = NARROW * held.covariance
+    right = held.derivative(scan, lambda after: after.mean, narrow)
+    less, more = (held.after(scan, covariance=size * narrow, trace=True) for size in (1.0, 2.0))
     if right is None or less is None or more is None:
         return None
     if np.allclose(right, np.eye(len(right)), atol=STANDS):
         # The mean is not predicted, or is kept at an earlier time.
         return None
     moved, expected = linalg.symmetrise(more.covariance - less.covariance), linalg.symmetrise(right @ narrow @ right.T)
-    # A memory may fade on purpose.
+    # A filter with a fading memory adds to the covariance on purpose.
     expected *= max(1.0, best_multiple(moved, expected))
-    if covariances_apart(expected, moved) < WRONG:
+    if covariance_difference(expected, moved) < WRONG:
         return None
-    for at in last_values(less.assigned, right.shape):
-        if covariances_apart(at.value @ narrow @ at.value.T, moved) < USED and not same_matrix(at.value, right):
-            return wrong_entry(less.assigned, at, right, None, f"differences of the prediction over {OVER:g} s")
+    for matrix in last_values(less.assigned, right.shape):
+        explained = covariance_difference(matrix.value @ narrow @ matrix.value.T, moved) < USED
+        if explained and not same_matrix(matrix.value, right):
+            return wrong_entry(less.assigned, matrix, right, None, f"differences of the prediction over {OVER:g} s")
     i, j = largest_entry(np.abs(moved - expected) / np.sqrt(np.outer(np.diag(expected), np.diag(expected))))
     by = f"a covariance D that is added before a prediction over {OVER:g} s"
-    if covariances_apart(right.T @ narrow @ right, moved) < EXACT:
+    if covariance_difference(right.T @ narrow @ right, moved) < EXACT:
         text = f"{by} becomes F^T D F, and F D F^T is right"
-    elif covariances_apart(narrow, moved) < EXACT:
+    elif covariance_difference(narrow, moved) < EXACT:
         text = f"{by} stays as it is"
     elif np.abs(moved).max() < EXACT * np.abs(expected).max():
         text = f"{by} makes no difference: the predicted covariance is the same whatever it was before"
@@ -201,29 +202,29 @@ def _of_motion(own: OwnFilter) -> Finding | None:
     return Finding("predicted_covariance_wrong", 0.96, text)
 
 
-def _of_noise(own: OwnFilter) -> Finding | None:
+def _noise_fault(held: OwnFilter) -> Finding | None:
     """Report a process noise that no acceleration explains: by its growth over time, or by its matrix."""
-    stamps = [empty_scan(own.session.given[-1]._replace(time=own.time + time)) for time in TIMES]
-    exact = np.finfo(float).eps * own.covariance
-    longer = [after for stamp in stamps if (after := own.after(stamp, covariance=exact, trace=True)) is not None]
-    outputs = own.outputs(stamps[0])
+    stamps = [empty_scan(held.session.scans[-1]._replace(time=held.time + time)) for time in TIMES]
+    exact = np.finfo(float).eps * held.covariance
+    longer = [after for stamp in stamps if (after := held.after(stamp, covariance=exact, trace=True)) is not None]
+    outputs = held.outputs(stamps[0])
     if len(longer) < len(TIMES) or outputs is None:
         return None
     noises = np.array([linalg.symmetrise(after.covariance) for after in longer])
     return (
-        _about_old_mean(own, noises, longer[0].mean, longer[-1].mean)
-        or _falling(noises)
-        or _added_twice(longer[0].assigned, noises[0])
-        or _of_another_order(outputs @ noises[-1] @ outputs.T)
-        or _of_another_power(np.array([outputs @ noise @ outputs.T for noise in noises]))
+        _spread_about_old_mean(held, noises, longer[0].mean, longer[-1].mean)
+        or _falling_noise(noises)
+        or _noise_added_twice(longer[0].assigned, noises[0])
+        or _noise_of_another_order(outputs @ noises[-1] @ outputs.T)
+        or _noise_of_another_power(np.array([outputs @ noise @ outputs.T for noise in noises]))
     )
 
 
-def _about_old_mean(own: OwnFilter, noises: Array, *means: Array) -> Finding | None:
+def _spread_about_old_mean(held: OwnFilter, noises: Array, *means: Array) -> Finding | None:
     """Report a covariance that grows by the square of the motion, over a short and over a long time."""
     shares = []
     for noise, mean in zip((noises[0], noises[-1]), means, strict=True):
-        moved = mean - own.mean
+        moved = mean - held.mean
         precision = float(moved @ np.linalg.pinv(noise, rcond=1e-12, hermitian=True) @ moved)
         within = np.linalg.norm(noise @ np.linalg.pinv(noise, rcond=1e-12, hermitian=True) @ moved - moved)
         shares.append(1.0 / precision if precision > 0.0 and within < OUTSIDE * np.linalg.norm(moved) else 0.0)
@@ -236,7 +237,7 @@ def _about_old_mean(own: OwnFilter, noises: Array, *means: Array) -> Finding | N
     return Finding("predicted_covariance_wrong", 0.95, text)
 
 
-def _falling(noises: Array) -> Finding | None:
+def _falling_noise(noises: Array) -> Finding | None:
     """Report a variance of the state to which a longer prediction adds less."""
     added = np.diagonal(noises, axis1=1, axis2=2)
     falling = np.flatnonzero((np.diff(added, axis=0) < -FALLS * added[:-1]).all(axis=0))
@@ -250,18 +251,17 @@ def _falling(noises: Array) -> Finding | None:
     return Finding("q_wrong_power_of_dt", PROVEN, text)
 
 
-def _added_twice(assigned: Sequence[Assigned], noise: Array) -> Finding | None:
-    """Report a matrix of a line that is added several times to the predicted covariance."""
-    for at in last_values(assigned, noise.shape):
+def _noise_added_twice(assigned: Sequence[Assigned], noise: Array) -> Finding | None:
+    for matrix in last_values(assigned, noise.shape):
         for count in TIMES_ADDED:
-            if np.abs(at.value).max() > 0.0 and same_matrix(count * at.value, noise):
-                text = f"{at.where}: a prediction adds {at.name} {count} times to the covariance"
+            if np.abs(matrix.value).max() > 0.0 and same_matrix(count * matrix.value, noise):
+                text = f"{matrix.where}: a prediction adds {matrix.name} {count} times to the covariance"
                 return Finding("process_noise_twice", PROVEN, text, factor=float(count))
     return None
 
 
-def _of_another_order(noise: Array) -> Finding | None:
-    """Report a noise that moves px and py alike, and neither with its velocity."""
+def _noise_of_another_order(noise: Array) -> Finding | None:
+    """Report a noise that moves px and py alike, and neither with its own velocity."""
     spread = np.sqrt(np.maximum(np.diag(noise), np.finfo(float).tiny))
     correlation = np.abs(noise) / np.outer(spread, spread)
     if min(correlation[0, 1], correlation[2, 3]) < TIED or max(correlation[0, 2], correlation[1, 3]) > UNTIED:
@@ -273,8 +273,8 @@ def _of_another_order(noise: Array) -> Finding | None:
     return Finding("q_wrong_power_of_dt", 0.96, text)
 
 
-def _of_another_power(noises: Array) -> Finding | None:
-    """Report an entry of position and velocity whose power of time does not go with the two other entries."""
+def _noise_of_another_power(noises: Array) -> Finding | None:
+    """Report an entry of the noise whose power of the time step does not go with the two other entries of its axis."""
     for axis in (0, 1):
         entries = ((axis, axis), (axis, axis + 2), (axis + 2, axis + 2))
         values = np.abs([[noise[entry] for entry in entries] for noise in noises])

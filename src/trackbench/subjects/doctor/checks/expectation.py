@@ -1,6 +1,6 @@
 """Does the tracker predict the right measurement of the target that it estimates?
 
-Wrong innovations are explained by models with a known fault.
+Measurement models with a known fault explain wrong innovations.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
 from trackbench.subjects.doctor.wrong_models import WrongModel, wrong_models
 
-#: Standard errors of a tracker's own samples by which it is larger.
+#: Standard errors by which random samples of a tracker raise the limit of an innovation.
 ERRORS = 3.0
-#: Share of the trials in which the innovation of the right model must be zero.
+#: Least share of the trials in which the innovation of a model must be zero.
 MOST = 0.85
-#: Share of the largest singular value of a gain that is none, and one that has to be there; in how many trials.
+#: Least singular value of a gain, relative to the largest, below which a direction moves nothing; value that the right
+#: gain must have; and least number of trials.
 NO_GAIN, CLEAR_GAIN, LEAST = 1e-6, 1e-3, 3
 EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
 
@@ -117,14 +118,15 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     for sensor, trials in tracker.trials.items():
         zero = ZERO + ERRORS * tracker.once(sampling_noise) if trials else ZERO
-        result.add(f"expectation.{sensor}", *_examined(tracker, sensor, trials, zero))
+        result.add(f"expectation.{sensor}", *_examine_sensor(tracker, sensor, trials, zero))
     ego_motion = [finding for finding in result.findings if finding.fault in EGO_MOTION]
-    if tracker.assumptions.still:
-        # Of a sensor that stands still the pose alone can be left out.
+    if tracker.assumptions.rest_reason:
+        # A tracker can leave out only the pose of a sensor that stands still.
         for finding in (item for item in ego_motion if item.fault == "ego_motion_ignored"):
             result.findings[result.findings.index(finding)] = replace(finding, fault="sensor_pose_ignored")
         return result
-    trials = [trial for of in tracker.trials.values() for trial in of if trial.name in _moving(tracker)]
+    moving = _moving_probes(tracker)
+    trials = [trial for of_sensor in tracker.trials.values() for trial in of_sensor if trial.name in moving]
     if not trials:
         return result.add("ego_motion", None, "there was no estimate")
     largest = max(_innovation(trial, trial.predicted_measurement) for trial in trials)
@@ -132,18 +134,17 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
     return result.add("ego_motion", not ego_motion, text)
 
 
-def _moving(tracker: TrackerUnderTest) -> set[str]:
-    """The names of the probes whose observer moves."""
+def _moving_probes(tracker: TrackerUnderTest) -> set[str]:
     return {probe.name for probe in tracker.probes.regular if probe.observer.moves}
 
 
-def _examined(
+def _examine_sensor(
     tracker: TrackerUnderTest, sensor: str, trials: Sequence[Trial], zero: float
 ) -> tuple[bool | None, str, Finding | None]:
     if not trials:
         return None, "there was no estimate", None
     kind = trials[0].scan.kind
-    # A step that fails says nothing of what it would do.
+    # A step that fails does not say what its update would be.
     answered = [
         trial
         for trial in trials
@@ -151,15 +152,15 @@ def _examined(
     ]
     if not answered:
         return None, f"no measurement of {sensor} gives an estimate, in any of {len(trials)} trials", None
-    # One whose estimate no measurement moves says nothing, unless none does.
+    # A trial in which no measurement moves the estimate is left out, unless none does in any trial.
     moved = [trial for trial in answered if _moves(trial, kind)]
     if not moved:
         text = f"no measurement of {sensor} moves the estimate, in any of {len(answered)} trials"
         return False, text, Finding("measurement_ignored", 0.99, text, sensor=sensor)
-    if (unused := _one_direction(sensor, moved)) is not None:
+    if (unused := _unused_direction(sensor, moved)) is not None:
         return False, unused.evidence, unused
     innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in moved])
-    right, moving = innovations < zero, np.array([trial.name in _moving(tracker) for trial in moved])
+    right, moving = innovations < zero, np.array([trial.name in _moving_probes(tracker) for trial in moved])
     groups = [group for group in (right, right[moving]) if len(group)]
     if min(float(np.mean(group)) for group in groups) >= MOST:
         return True, f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma", None
@@ -172,14 +173,14 @@ def _examined(
     return False, text, finding
 
 
-def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
-    """That of the two components of the position one does not count, or a direction in the fixed frame."""
+def _unused_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
+    """Report that one direction of the measured position does not move the estimate."""
     lost = []
     for trial in trials:
         update, of_position = trial.update(trial.predicted_measurement), ~np.any(trial.jacobian[:, 2:], axis=1)
         if update is not None and update.used.any() and np.sum(of_position) == 2:
             expected = (linearised_gain(trial) * trial.gain_scale)[:, of_position]
-            shares = [_least_share(gain) for gain in (update.relative_gain[:, of_position], expected)]
+            shares = [_singular_ratio(gain) for gain in (update.relative_gain[:, of_position], expected)]
             lost.append((shares[0] < NO_GAIN and shares[1] > CLEAR_GAIN, trial, update))
     if len(lost) < LEAST or np.mean([unused for unused, *_ in lost]) < MOST:
         return None
@@ -196,8 +197,8 @@ def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
     return Finding("measurement_ignored", 0.96, text, sensor=sensor, shown_by=trial.name)
 
 
-def _least_share(gain: Array) -> float:
-    """The least singular value over the largest."""
+def _singular_ratio(gain: Array) -> float:
+    """Return the least singular value divided by the largest."""
     values = np.linalg.svd(gain, compute_uv=False)
     return float(values[-1] / max(values[0], np.finfo(float).tiny))
 
@@ -225,17 +226,17 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -
 
 
 def _share_without_innovation(trials: Sequence[Trial], model: WrongModel, zero: float) -> float:
-    """The share of the trials in which what a model predicts has no innovation; 0 where it is below ``MOST``."""
-    left = len(trials)
+    """Return the share of the trials in which a model's prediction has no innovation; 0 where it is below ``MOST``."""
+    remaining = len(trials)
     for trial in trials:
-        left -= _innovation(trial, _measured(trial, model)) >= zero
-        if left / len(trials) < MOST:
+        remaining -= _innovation(trial, _measured(trial, model)) >= zero
+        if remaining / len(trials) < MOST:
             return 0.0
-    return left / len(trials)
+    return remaining / len(trials)
 
 
 def _innovation(trial: Trial, measurement: Array) -> float:
-    """The largest component of the innovation that is applied to a measurement, in sigma; infinite where unknown."""
+    """Return the largest component of the innovation applied to a measurement, in sigma; infinite where unknown."""
     update = trial.update(measurement)
     if update is None or not update.used.any():
         return np.inf
@@ -248,14 +249,14 @@ def _measured(trial: Trial, model: WrongModel) -> Array:
 
 
 def _deviation(trial: Trial, model: WrongModel) -> Array:
-    """``(m,)`` of a wrong model's prediction from the right one, in sigma."""
+    """Return the distance ``(m,)`` of a wrong model's prediction from the right one, in sigma."""
     return np.asarray(np.abs(_measured(trial, model) - trial.predicted_measurement) / trial.sigma)
 
 
 def _moves(trial: Trial, kind: str) -> bool:
-    tried = [trial.predicted_measurement, trial.scan.measurement]
-    tried += [_measured(trial, model) for model in wrong_models(kind)]
-    updates = (trial.update(measurement) for measurement in tried)
+    measurements = [trial.predicted_measurement, trial.scan.measurement]
+    measurements += [_measured(trial, model) for model in wrong_models(kind)]
+    updates = (trial.update(measurement) for measurement in measurements)
     return any(
         update is not None and update.used.any() and np.abs(update.relative_gain).max() > 1e-9 for update in updates
     )

@@ -12,30 +12,30 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.equations import equation_answers
 from trackbench.subjects.doctor.checks.implied_noise import DIRECTION, ERRORS, noise_factors, wrong_noise
-from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
+from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, average, gain_error, implied_model
 from trackbench.subjects.doctor.findings import CERTAIN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
 from trackbench.subjects.doctor.trial import Trial
 
-#: Difference of the factors of sensors up to which they are one.
+#: Relative spread of the noise factors of all sensors up to which they are one factor.
 SAME_FACTOR = 0.1
 
 
-def of_every_sensor(result: PartResult, tracker: TrackerUnderTest) -> PartResult:
-    """With one finding for gains that are wrong in every sensor: their Jacobians have nothing in common."""
+def merge_wrong_gains(result: PartResult, tracker: TrackerUnderTest) -> PartResult:
+    """Return the result with one finding where the gains of every sensor are wrong, instead of unrelated Jacobians."""
     wrong = [finding for finding in result.findings if finding.fault == "jacobian_wrong"]
     if len(wrong) < 2 or len(wrong) < len(tracker.sensors):
         return result
     text = f"the gains of all sensors are wrong; as if of a wrong Jacobian, {wrong[0].evidence}"
-    of_all = replace(wrong[0], fault="gain_inconsistent", sensor=None, evidence=text)
-    return PartResult(result.checks, [of_all, *(finding for finding in result.findings if finding not in wrong)])
+    of_sensors = replace(wrong[0], fault="gain_inconsistent", sensor=None, evidence=text)
+    return PartResult(result.checks, [of_sensors, *(finding for finding in result.findings if finding not in wrong)])
 
 
-def inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
-    """Without the findings of one noise factor in all sensors, where it does no harm.
+def excuse_inflation(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
+    """Return the result without findings of one noise factor in all sensors, where the factor does no harm.
 
-    The gains are then those of the stated noise, and the returned covariance is larger than that which they are of.
+    The gains are then those of the stated noise, made of a smaller covariance than the returned one.
     """
     large = [finding for finding in result.findings if finding.fault == "r_too_large"]
     factors = [finding.factor for finding in large]
@@ -49,21 +49,21 @@ def inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
     return PartResult([replace(check, passed=True, result=text) for check in result.checks])
 
 
-#: Error of the length of a row, as a ratio. Sigma points reach 1.25.
+#: Largest ratio of a row's length to the right length, either way. Sigma points reach 1.25.
 SIZE = 1.7
-#: Ratio of the implied noises of the trials up to which they are one: 1.00 with constant velocity and any Jacobian, and
-#: 1.14 in a turning model's EKF.
+#: Ratio of the implied noises of the trials up to which they are one noise: 1.00 with constant velocity and any
+#: Jacobian, 1.14 in a turning model's EKF.
 SAME_NOISE = 1.15
-#: Least number of predictions about which the measurement is nearly linear.
+#: Least number of predictions at which the measurement is nearly linear.
 LEAST_LINEAR = 3
-#: Error of a gain up to which it is right.
+#: Largest error of a gain that counts as right.
 RIGHT = 0.005
-#: Ratio of the implied to the stated variance up to which a larger one does no harm where the drives show none.
+#: Largest ratio of the implied to the stated variance that is no fault where the drives show no harm.
 CAUTIOUS = 3.0
 STATES = ("px", "py", "vx", "vy")
-#: What a gain that is not Kalman's is called.
+#: Faults of a gain that is no Kalman gain.
 GAIN_FAULTS = ("jacobian_wrong", "gain_inconsistent")
-#: Where a wrong measurement noise is, and how to fix it.
+#: Where a wrong measurement noise is set, and how to fix it.
 OWN_NOISE = (
     "Where R of this sensor is set.",
     "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, rad and m/s.",
@@ -120,22 +120,22 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             continue
         linear = [trial for trial in trials if trial.nearly_linear]
         if trials and len(linear) < LEAST_LINEAR:
-            # Of a target that was measured without noise.
+            # The target is measured without noise, so that a sound filter is certain of it.
             text = f"after seconds of exact measurements {len(trials) - len(linear)} of {len(trials)} predictions are "
             result.add(name, False, f"{text}still too uncertain for {sensor} to be linear")
             continue
-        rows, errors = _implied(tracker, sensor, linear)
+        rows, errors = _implied_models(tracker, sensor, linear)
         if len(rows) < LEAST_LINEAR or len(rows) < 0.5 * len(linear):
             result.add(name, None, "the gains are not those of a Kalman filter" if trials else "there was no estimate")
             continue
         noise = wrong_noise(sensor, rows, errors)
         sure = any(finding.confidence > CERTAIN for finding in noise)
-        # Of so much noise the gain is small, and what is left of it tells little of its rows.
-        of_rows = _jacobian(tracker, sensor, rows, errors)
-        findings = [finding for finding in of_rows if not sure or finding.confidence > CERTAIN]
+        # With so much noise the gain is small, and tells little of the rows of the Jacobian.
+        jacobian_findings = _jacobian_findings(tracker, sensor, rows, errors)
+        findings = [finding for finding in jacobian_findings if not sure or finding.confidence > CERTAIN]
         findings += noise
         passed: bool | None = not findings
-        text = _result(rows)
+        text = _summary(rows)
         if findings and (learned := learned_offsets(tracker, sensor)):
             passed, findings = None, []
             text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
@@ -147,107 +147,108 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             turned = f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%}"
             text = f"{turned} (standard error of two answers): a smaller error of a row cannot be told from it; {text}"
         result.add(name, passed, text, *findings)
-    return of_every_sensor(inflated(tracker, result), tracker)
+    return merge_wrong_gains(excuse_inflation(tracker, result), tracker)
 
 
 def _excusable(tracker: TrackerUnderTest, rows: Sequence[ImpliedModel], findings: Sequence[Finding]) -> bool:
-    """Whether it is a way of filtering, and no fault, where it does no harm: a noise somewhat larger than stated, or a
-    gain that is not Kalman's, of which no line writes a wrong Jacobian."""
+    """Return whether the findings are a way of filtering, and no fault, where the drives show no harm.
+
+    Such are a noise somewhat larger than stated, and a gain that is no Kalman gain and no line's wrong Jacobian.
+    """
     if all(finding.fault == "r_too_large" for finding in findings):
         return all(finding.factor is not None and finding.factor < CAUTIOUS for finding in findings)
     if all(finding.fault not in GAIN_FAULTS for finding in findings):
         return False
     answers = tracker.once(equation_answers)
-    other = not _of_another_model(rows) or (answers.targets > 0 and not answers.findings)
-    return _mixes(rows) or (other and findings[0].fault == "jacobian_wrong")
+    is_no_jacobian = not _fits_another_jacobian(rows) or (answers.targets > 0 and not answers.findings)
+    return _mixes(rows) or (is_no_jacobian and findings[0].fault == "jacobian_wrong")
 
 
 def _mixes(rows: Sequence[ImpliedModel]) -> bool:
-    """Whether the estimates are mixtures of several models, as the tracker says: their gains are no single filter's."""
+    """Return whether the tracker says that its estimates mix several models: their gains are no single filter's."""
     probabilities = rows[0].trial.prediction.mode_probabilities
     return probabilities is not None and len(probabilities) > 1
 
 
-def _of_another_model(rows: Sequence[ImpliedModel]) -> bool:
-    """Whether the gains are those of a Kalman filter with another Jacobian, and with a noise of its own.
+def _fits_another_jacobian(rows: Sequence[ImpliedModel]) -> bool:
+    """Return whether the gains are those of a Kalman filter with another Jacobian and a noise of its own.
 
-    The noise with which its Jacobian gives the gain is then the same in all trials; one that hidden states or
-    weights are added to is not. Nor does a Jacobian depend on the other sensors that the target was followed with.
+    The noise with which the implied Jacobian gives the gain is then the same in all trials. It is not where hidden
+    states or weights are added. Nor does a Jacobian depend on the other sensors that measured the target before.
     """
-    alone = [row for row in rows if len(row.trial.sensor_set) == 1]
-    if len(alone) < len(rows) and alone and all(_is_right(row) for row in alone):
+    single = [row for row in rows if len(row.trial.sensor_set) == 1]
+    if len(single) < len(rows) and single and all(_is_right(row) for row in single):
         return False
     noise = np.array([row.own_noise for row in rows])
     low, high = (np.nanquantile(noise, share, axis=0) for share in (0.1, 0.9))
     return bool(np.nanmin(low) > 0.0 and np.nanmax(high / low) < SAME_NOISE)
 
 
-def _implied(
+def _implied_models(
     tracker: TrackerUnderTest, sensor: str, linear: Sequence[Trial]
 ) -> tuple[list[ImpliedModel], SamplingErrors]:
-    """The implied models of the trials; of a tracker with samples, averaged over two sets of them."""
-    rows = [implied(trial) for trial in linear]
+    """Return the implied models of the trials, averaged over two sets of samples for a tracker with samples."""
+    rows = [implied_model(trial) for trial in linear]
     if tracker.once(sampling_noise) == 0.0:
-        found = [row for row in rows if row is not None]
-        return found, SamplingErrors(*np.zeros((3, len(SENSOR_MODELS[tracker.sensors[sensor].type].components))))
-    others = {(one.name, one.sensor_set): one for one in tracker.replicas[sensor]}
-    paired = [others.get((trial.name, trial.sensor_set)) for trial in linear]
-    return averaged_models(rows, [None if other is None else implied(other) for other in paired])
+        models = [row for row in rows if row is not None]
+        return models, SamplingErrors(*np.zeros((3, len(SENSOR_MODELS[tracker.sensors[sensor].type].components))))
+    replicas = {(trial.name, trial.sensor_set): trial for trial in tracker.replicas[sensor]}
+    paired = [replicas.get((trial.name, trial.sensor_set)) for trial in linear]
+    return average(rows, [None if replica is None else implied_model(replica) for replica in paired])
 
 
-def _jacobian(
+def _jacobian_findings(
     tracker: TrackerUnderTest, sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors
 ) -> list[Finding]:
     model = SENSOR_MODELS[rows[0].trial.scan.kind]
-    found = []
-    off = [not _is_right(row) for row in rows]
+    wrong_rows = []
+    wrong_gains = [not _is_right(row) for row in rows]
     for i, component in enumerate(model.components):
-        of = [row for row in rows if row.used[i]]
-        if len(of) < 3:
+        used_rows = [row for row in rows if row.used[i]]
+        if len(used_rows) < 3:
             continue
-        direction = np.array([row.direction[i] for row in of])
-        size = np.array([row.size[i] for row in of])
-        # The second-order terms of sigma points have a larger share where the variance is far from the stated one.
-        noise = float(np.nanmedian([row.noise[i] for row in of]))
+        direction = np.array([row.direction[i] for row in used_rows])
+        size = np.array([row.size[i] for row in used_rows])
+        # Second-order terms of sigma points have a larger share where the variance is far from the stated one.
+        noise = float(np.nanmedian([row.noise[i] for row in used_rows]))
         tolerance = max(noise, 1.0 / noise) ** 0.5 if noise > 0.0 else 1.0
         turned = direction > DIRECTION * tolerance + ERRORS * errors.direction[i]
         band = SIZE * tolerance * np.exp(ERRORS * errors.size[i])
         scaled = (size > band) | (size < 1 / band)
-        wrong = np.array([is_off for row, is_off in zip(rows, off, strict=True) if row.used[i]])
+        wrong = np.array([is_wrong for row, is_wrong in zip(rows, wrong_gains, strict=True) if row.used[i]])
         turned, scaled = turned & wrong, scaled & wrong
         if np.mean(turned) < 0.12 and np.mean(scaled) < 0.4:
             continue
-        worst = max(of, key=lambda row: _apart(row, i))
+        worst = max(used_rows, key=lambda row: _row_error(row, i))
         share = max(float(np.mean(turned)), float(np.mean(scaled)))
-        text = f"the row of {component.replace('_', ' ')} {_row_off(direction, size, turned, scaled)} "
-        text += f"(medians of the {np.sum(turned | scaled)} of {len(of)} trials in which it is off)"
-        found.append((share, worst, i, text))
-    if not found:
+        text = f"the row of {component.replace('_', ' ')} {_describe_row(direction, size, turned, scaled)} "
+        text += f"(medians of the {np.sum(turned | scaled)} of {len(used_rows)} trials in which it is off)"
+        wrong_rows.append((share, worst, i, text))
+    if not wrong_rows:
         return []
-    share, worst, i, text = max(found, key=lambda one: one[0])
+    share, worst, i, text = max(wrong_rows, key=lambda row: row[0])
     confidence, shown_by = 0.8 + 0.15 * share, worst.trial.name
     if tracker.once(linearises) is False:
         return [_inconsistent(sensor, rows, text, confidence)]
     j = int(np.argmax(np.abs(worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma))
-    at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
+    state = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
     implied_entry, right_entry = worst.jacobian[i, j], worst.trial.jacobian[i, j]
     entry = f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry:.4g}, where {right_entry:.4g} "
-    entry += f"is right (px, py, vx, vy = {at}); {text}"
+    entry += f"is right (px, py, vx, vy = {state}); {text}"
     return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by)]
 
 
 def _is_right(row: ImpliedModel) -> bool:
-    """Whether the gain is right, so that what it implies of a measurement with little weight is rounding or second
-    order."""
+    """Return whether the gain is right; its model of a measurement with little weight may then be rounding."""
     update = row.trial.update(row.trial.predicted_measurement)
     return update is not None and gain_error(row.trial, update.gain)[0] < RIGHT
 
 
-def _row_off(direction: Array, size: Array, turned: Mask, scaled: Mask) -> str:
-    """By how much a row is off in the trials in which it is: in direction, in length, or in both."""
-    off, lengths = float(np.median(direction[turned])) if turned.any() else 0.0, size[turned | scaled]
+def _describe_row(direction: Array, size: Array, turned: Mask, scaled: Mask) -> str:
+    """Describe the error of a row in direction and length, by medians over the trials in which it is wrong."""
+    turn, lengths = float(np.median(direction[turned])) if turned.any() else 0.0, size[turned | scaled]
     length = float(np.median(lengths))
-    parts = [f"is off by {off:.0%} in direction"] if turned.any() and length > 0.0 else []
+    parts = [f"is off by {turn:.0%} in direction"] if turned.any() and length > 0.0 else []
     parts += ["points the opposite way"] if length < 0.0 else []
     ratio = f"{abs(length):.3g}"
     parts += [f"has {ratio} times the right length"] if ratio != "1" else []
@@ -255,7 +256,7 @@ def _row_off(direction: Array, size: Array, turned: Mask, scaled: Mask) -> str:
 
 
 def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confidence: float) -> Finding:
-    """The gain that is furthest from that of the tracker's own prediction."""
+    """Report the gain that is farthest from the one of the tracker's own prediction."""
     worst: tuple[float, ImpliedModel, Array, Array] | None = None
     for row in rows:
         update = row.trial.update(row.trial.predicted_measurement)
@@ -271,21 +272,21 @@ def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confiden
     for i, component in enumerate(components):
         j = int(np.argmax(np.abs((applied - right) * scale)[:, i]))
         numbers.append(f"{STATES[j]} by {component.replace('_', ' ')} {applied[j, i]:.3g} instead of {right[j, i]:.3g}")
-    at = ", ".join(f"{value:.1f}" for value in row.trial.prediction.mean)
+    state = ", ".join(f"{value:.1f}" for value in row.trial.prediction.mean)
     words = (
         f"the gain is off by {error:.0%} from the one that the tracker's own predicted covariance, the geometry and "
         f"the stated noise give, linearised or by the moments of the Gaussian, whichever is nearer: "
-        f"{', '.join(numbers)} (px, py, vx, vy = {at}); as a Jacobian, {text}"
+        f"{', '.join(numbers)} (px, py, vx, vy = {state}); as a Jacobian, {text}"
     )
     return Finding("gain_inconsistent", confidence, words, sensor=sensor, shown_by=row.trial.name)
 
 
-def _apart(row: ImpliedModel, i: int) -> float:
+def _row_error(row: ImpliedModel, i: int) -> float:
     gap = (row.jacobian[i] - row.trial.jacobian[i]) * row.trial.state_sigma
     return float(np.max(np.abs(gap)) / np.linalg.norm(row.trial.jacobian[i] * row.trial.state_sigma))
 
 
-def _result(rows: Sequence[ImpliedModel]) -> str:
+def _summary(rows: Sequence[ImpliedModel]) -> str:
     names = SENSOR_MODELS[rows[0].trial.scan.kind].components
     parts = [
         f"{name.replace('_', ' ')} {factor:.3g}"
@@ -296,7 +297,7 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     rows_of = "rows of the implied Jacobian"
     sizes = np.array([np.where(row.used, row.size, np.nan) for row in rows])
     length = np.nanmax(np.nanmedian(sizes[:, np.isfinite(sizes).any(axis=0)], axis=0))
-    said = f"directions of the {rows_of} within {direction:.1%}" if direction < 1.0 else f"{rows_of} point elsewhere"
+    text = f"directions of the {rows_of} within {direction:.1%}" if direction < 1.0 else f"{rows_of} point elsewhere"
     if length > SIZE:
-        said += f", one {length:.3g} times as long as the right one"
-    return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"
+        text += f", one {length:.3g} times as long as the right one"
+    return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {text}"

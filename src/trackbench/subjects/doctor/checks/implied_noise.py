@@ -11,40 +11,41 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, variance_of_ray
 from trackbench.subjects.doctor.findings import Finding
 
-#: Ratio of the implied to the stated variance that still is a reasonable tuning.
+#: Largest ratio of the implied to the stated variance, either way, that is a reasonable tuning.
 NOISE_BAND = 2.0
-#: Variances in degrees, and in radians that were converted twice, over those in radians; error of a logarithm of one.
+#: Ratio of variances in degrees to variances in radians, ratio of variances that were converted to radians twice, and
+#: largest error of the logarithm of such a ratio.
 IN_DEGREES, NEAR = ((180.0 / np.pi) ** 2, (np.pi / 180.0) ** 2), 0.35
-#: Error of the logarithm of a ratio of variances that is one of units.
+#: Largest error of the logarithm of a ratio of variances that a confusion of units explains.
 SAME = 0.02
-#: Error of the direction of a row of the Jacobian, scaled by the standard deviations. Sigma points reach 0.04.
+#: Largest error of the direction of a Jacobian row, scaled by the standard deviations. Sigma points reach 0.04.
 DIRECTION = 0.08
-#: Standard errors of a tracker's own samples by which a threshold is wider; 3 are exceeded by chance in 0.3 % of cases.
+#: Standard errors by which random samples of a tracker widen a threshold; 3 are exceeded by chance in 0.3 % of cases.
 ERRORS = 3.0
 
 
 def _noises(rows: Sequence[ImpliedModel]) -> Array:
-    """``(n, m)`` implied over stated variances; NaN where a row points elsewhere."""
+    """Return the implied over the stated variances ``(n, m)``; NaN where a Jacobian row points elsewhere."""
     return np.array([np.where(row.direction < 2 * DIRECTION, row.noise, np.nan) for row in rows])
 
 
 def noise_factors(rows: Sequence[ImpliedModel]) -> Array:
-    """``(m,)`` medians of the implied over the stated variances; NaN where there are too few."""
+    """Return the medians ``(m,)`` of the implied over the stated variances; NaN where there are too few."""
     noise = _noises(rows)
-    known = np.isfinite(noise).sum(axis=0) >= 3
-    return np.array([np.nanmedian(noise[:, i]) if known[i] else np.nan for i in range(noise.shape[1])])
+    is_known = np.isfinite(noise).sum(axis=0) >= 3
+    return np.array([np.nanmedian(noise[:, i]) if is_known[i] else np.nan for i in range(noise.shape[1])])
 
 
 def wrong_noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) -> list[Finding]:
-    """What the variances that a sensor's gains imply are too small or too large for."""
+    """Report the variances implied by a sensor's gains that are too small or too large."""
     model, sigma = SENSOR_MODELS[rows[0].trial.scan.kind], rows[0].trial.sigma
     factors, noise = noise_factors(rows), _noises(rows)
     band = NOISE_BAND * np.exp(ERRORS * np.nan_to_num(errors.noise))
     most = np.maximum(band, variance_of_ray(model.components, sigma))
-    off = (factors < 1 / band) | (factors > most)
+    is_wrong = (factors < 1 / band) | (factors > most)
     for i in model.angular:
-        exact = next((one for one in IN_DEGREES if abs(np.log(factors[i] / one)) < NEAR), None)
-        if exact is not None and not np.delete(off, i).any():
+        exact = next((ratio for ratio in IN_DEGREES if abs(np.log(factors[i] / ratio)) < NEAR), None)
+        if exact is not None and not np.delete(is_wrong, i).any():
             words = "in degrees" if exact > 1.0 else "converted to radians twice"
             text = (
                 f"the gains imply {factors[i]:.4g} times the stated variance of the {model.components[i]}, near the "
@@ -52,7 +53,7 @@ def wrong_noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingError
             )
             factor = float(factors[i])
             return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=factor)]
-    found = []
+    findings = []
     for fault, wrong, words in (
         ("r_too_small", factors < 1 / band, "smaller"),
         ("r_too_large", factors > most, "larger"),
@@ -66,14 +67,14 @@ def wrong_noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingError
         )
         text = (
             f"the gains imply a variance {max(factor, 1 / factor):.3g} times {words} than the one that {sensor} states "
-            f"(standard deviations: {parts}){_of_deviations(noise, sigma, np.flatnonzero(wrong))}"
+            f"(standard deviations: {parts}){_confused_with_deviations(noise, sigma, np.flatnonzero(wrong))}"
         )
         confidence = min(0.98, 0.6 + 0.2 * abs(np.log(factor)) / np.log(4))
-        found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor))
-    return found
+        findings.append(Finding(fault, confidence, text, sensor=sensor, factor=factor))
+    return findings
 
 
-def _of_deviations(noise: Array, sigma: Array, wrong: Indices) -> str:
-    """Report that variances and standard deviations are confused, where that explains every component."""
+def _confused_with_deviations(noise: Array, sigma: Array, wrong: Indices) -> str:
+    """Return words on standard deviations used as variances, where that explains every component."""
     medians = np.array([np.nanmedian(noise[:, i]) for i in wrong])
     return ": standard deviations used as variances" if np.all(np.abs(np.log(medians * sigma[wrong])) < SAME) else ""

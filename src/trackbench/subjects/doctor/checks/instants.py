@@ -1,4 +1,4 @@
-"""Do all measurements count at the time when they were taken: two of one instant, and late ones?"""
+"""Do all measurements count at the time at which they were taken, two at one instant and late ones too?"""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-#: Distance of a measurement from where it is expected, in its standard deviations: within every gate.
+#: Distance of a measurement from the expected one, in its standard deviations: within every gate.
 ASIDE = 2.0
-#: Share of what a measurement alone moves the estimate by, below which it does not count: rounding.
+#: Change of an estimate that is only rounding: in m, or relative to the change by a measurement alone.
 NOTHING = 1e-9
-#: Least and largest age of a late scan, s: within them it is the latency of its sensor.
+#: Least and largest age of a late scan, s; between them it is the latency of its sensor.
 AGES = 0.1, 0.5
-#: What a scan that counts as new moves the estimate by at least, m, and how near to that a late one is that counts as
-#: new, in shares of it.
+#: Least change of the estimate by a scan that is new, m; and largest difference from it, relative to it, of the change
+#: by a late scan that is processed as new.
 CLEAR, NEAR = 0.05, 0.2
-#: Share of the age by which the estimate is ahead of that without the late scan, where the same time is predicted
-#: twice; and factor of a variance, where the same process noise is added twice.
+#: Share of a late scan's age by which the estimate gets ahead where the same time is predicted twice; and factor of a
+#: variance where the same process noise is added twice.
 AHEAD, GROWN = 0.4, 1.05
 
 
@@ -49,12 +49,12 @@ def same_instant(tracker: TrackerUnderTest) -> PartResult:
         for first, second in permutations(tracker.sensors, 2):
             with tracker.recording_failures(probe.name):
                 if session is not None:
-                    alone, moved = (
+                    moved_alone, moved_after = (
                         _moved_by(session, [*before, tracker.scan(probe, second, 0.0)])
                         for before in ([], [tracker.scan(probe, first, 0.0)])
                     )
-                    if alone > NOTHING:
-                        counts.setdefault((first, second), []).append(moved > NOTHING * alone)
+                    if moved_alone > NOTHING:
+                        counts.setdefault((first, second), []).append(moved_after > NOTHING * moved_alone)
     dropped = [pair for pair, used in counts.items() if not any(used)]
     if not dropped:
         text = f"yes, in {len(counts)} orders of two sensors" if counts else "there was no estimate"
@@ -73,15 +73,17 @@ def _moved_by(session: TrackerSession, scans: Sequence[Scan]) -> float:
     """Return the change of the last estimate by a change of the last measurement, m and m/s; 0 without estimates."""
     *before, last = scans
     aside = last._replace(measurement=last.measurement + ASIDE * np.sqrt(np.diag(last.noise_covariance)))
-    one, other = (session.copy().follow([*before, scan])[-1] for scan in (last, aside))
-    return float(np.abs(one.mean - other.mean).max()) if one and other and finite(one) and finite(other) else 0.0
+    first, second = (session.copy().follow([*before, scan])[-1] for scan in (last, aside))
+    if first is None or second is None or not (finite(first) and finite(second)):
+        return 0.0
+    return float(np.abs(first.mean - second.mean).max())
 
 
 @doctor_check(
     Question(
         "late",
-        "Are late measurements held against where the target was?",
-        "Are late measurements of {sensor} held against where the target was?",
+        "Are late measurements compared with where the target was?",
+        "Are late measurements of {sensor} compared with where the target was?",
         each_sensor=True,
         misses=True,
         late=True,
@@ -105,12 +107,12 @@ def _moved_by(session: TrackerSession, scans: Sequence[Scan]) -> float:
     },
 )
 def late_measurements(tracker: TrackerUnderTest) -> PartResult:
-    """Give old scans without noise, of sensors that the scenario says are late: they add nothing that is not known."""
+    """Give old scans without noise, of sensors that are late in the scenario: they tell nothing that is not known."""
     result = PartResult()
     for name, latency in tracker.assumptions.late.items():
         age = float(np.clip(latency, *AGES))
-        tried = [_asked_after(tracker, probe, name, age) for probe in tracker.probes.regular]
-        answers = [estimates for estimates in tried if len(estimates) == 3]
+        tracked = [_ask_at_zero(tracker, probe, name, age) for probe in tracker.probes.regular]
+        answers = [estimates for estimates in tracked if len(estimates) == 3]
         if not answers:
             result.add(f"late.{name}", None, "there was no estimate after a late scan")
             continue
@@ -119,7 +121,7 @@ def late_measurements(tracker: TrackerUnderTest) -> PartResult:
             for estimates in zip(*answers, strict=True)
         )
         moved, as_new, velocity = (late - without)[:, :2], (new - without)[:, :2], without[:, 2:4]
-        distance, if_new, apart = (float(np.median(np.hypot(*of.T))) for of in (moved, as_new, moved - as_new))
+        distance, if_new, gap = (float(np.median(np.hypot(*move.T))) for move in (moved, as_new, moved - as_new))
         ahead = float(np.median(np.sum(moved * velocity, axis=1) / np.maximum(np.sum(velocity**2, axis=1), 1.0)))
         grown = float(np.median(np.max((late / without)[:, 4:], axis=1)))
         text = (
@@ -128,7 +130,7 @@ def late_measurements(tracker: TrackerUnderTest) -> PartResult:
             f"scan were new the distance would be {if_new:.2g} m (medians of {len(answers)} targets)"
         )
         fault = None
-        if apart < NEAR * if_new and if_new > CLEAR:
+        if gap < NEAR * if_new and if_new > CLEAR:
             fault = "late_processed_as_new"
         elif ahead > AHEAD * age or grown > GROWN:
             fault = "late_state_goes_back"
@@ -137,14 +139,14 @@ def late_measurements(tracker: TrackerUnderTest) -> PartResult:
     return result
 
 
-def _asked_after(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> list[Estimate]:
+def _ask_at_zero(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> list[Estimate]:
     """Return the estimates at time 0: without an old scan, with it, and with it as if it were new."""
     sensor_set = tracker.sensor_sets()[-1]
     session, latest = tracker.session_at(probe, sensor_set), tracker.approach(probe, sensor_set)[-1].time
     old = tracker.scan(probe, name, latest - age)._replace(arrival_time=latest)
-    asking, estimates = tracker.missed(probe, name, 0.0)._replace(asked=True), list[Estimate | None]()
+    request, estimates = tracker.missed(probe, name, 0.0)._replace(asked=True), list[Estimate | None]()
     if session is not None:
         with tracker.recording_failures(probe.name):
             for scans in ([], [old], [old._replace(time=latest)]):
-                estimates.append(session.copy().follow([*scans, asking])[-1])
+                estimates.append(session.copy().follow([*scans, request])[-1])
     return [estimate for estimate in estimates if estimate is not None and finite(estimate)]

@@ -20,22 +20,22 @@ from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 
-#: Times of predictions, s: over the first no motion changes a velocity, over the second none turns far.
+#: Times of predictions, s: over the first no motion changes a velocity, over the second no motion turns far.
 INSTANT, STEP = 0.002, 0.1
-#: Share of the motion that is across the velocity, and change of the velocity, relative to it, that are a fault.
+#: Least share of the motion across the velocity that is a fault, and least change of the velocity, relative to it.
 ASIDE, CHANGED = 0.15, 0.1
-#: Error of a motion as a sum of velocities that is one, relative to it.
+#: Largest error of a motion that is a sum of velocities, relative to the motion.
 EXACT = 0.01
-#: Ratio of km/h and m/s, and error of its logarithm.
+#: Ratio of km/h and m/s, and largest error of its logarithm.
 KMH, UNIT = 3.6, 0.03
 #: Speed up to which an estimate is at rest, m/s, and least number of predictions.
 STILL, LEAST = 0.1, 3
-#: Time of the missed scan after a first estimate, s: before it position and velocity are not correlated. Time of the
-#: prediction after that, s: 0 might be left out.
+#: Time from a first estimate to a missed scan, s: before it position and velocity are not correlated. Time of the
+#: prediction after that scan, s: 0 might be left out.
 MISSED, NO_TIME = 0.1, 1e-4
-#: Change of a covariance over no time that is a fault, and growth up to which it may be a memory that fades on purpose.
+#: Least change of a covariance over no time that is a fault, and largest growth that may be a fading memory.
 SPREAD, FADING = 0.05, 1.25
-#: Least eigenvalue of a covariance that points can have, in m^2 and (m/s)^2.
+#: Least eigenvalue of a covariance from which points can be drawn, in m^2 and (m/s)^2.
 DEFINITE = 1e-6
 
 
@@ -63,15 +63,15 @@ def course(tracker: TrackerUnderTest) -> PartResult:
     """Predict targets over a tenth of a second, and over an instant after a measurement."""
     sensor, velocities, motions, changes = next(iter(tracker.sensors)), list[Array](), list[Array](), list[float]()
     for probe in tracker.probes.general:
-        session, over = tracker.session_of_most(probe), tracker.predicted(probe, STEP)
+        session, estimates = tracker.session_of_most(probe), tracker.predicted(probe, STEP)
         with tracker.recording_failures(probe.name):
-            if session is not None and over is not None:
-                measured, at_once = _then_missed(session, tracker.scan(probe, sensor, 0.0), INSTANT)
-                if measured and at_once and finite(measured) and np.hypot(*measured.mean[2:]) > STILL:
-                    (x, y), (dx, dy) = measured.mean[2:], (at_once.mean - measured.mean)[2:]
+            if session is not None and estimates is not None:
+                measured, instant_later = _then_missed(session, tracker.scan(probe, sensor, 0.0), INSTANT)
+                if measured and instant_later and finite(measured) and np.hypot(*measured.mean[2:]) > STILL:
+                    (x, y), (dx, dy) = measured.mean[2:], (instant_later.mean - measured.mean)[2:]
                     changes.append(float(np.hypot(dx, dy) / np.hypot(x, y)))
-                    velocities.append(0.5 * (over[0].mean + over[1].mean)[2:])
-                    motions.append((over[1].mean - over[0].mean)[:2] / STEP)
+                    velocities.append(0.5 * (estimates[0].mean + estimates[1].mean)[2:])
+                    motions.append((estimates[1].mean - estimates[0].mean)[:2] / STEP)
     if len(motions) < LEAST:
         return PartResult().add("course", None, "there was no moving estimate to predict")
     velocity, motion = np.array(velocities), np.array(motions)
@@ -90,7 +90,7 @@ def course(tracker: TrackerUnderTest) -> PartResult:
         fault = "motion_not_along_velocity"
         factors = np.linalg.lstsq(velocity, motion, rcond=None)[0]
         if np.abs(velocity @ factors - motion).max() < EXACT * np.abs(motion).max():
-            # As certain as the value of a line.
+            # A sum that fits is as certain as the value of a line.
             confidence = PROVEN
             (xx, xy), (yx, yy) = factors.T
             text += f": in a second px moves by {xx:.2f} vx {xy:+.2f} vy, and py by {yx:.2f} vx {yy:+.2f} vy"
@@ -123,28 +123,28 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
     pairs = [pair for probe, name in targets for pair in _over_no_time(tracker, probe, name)]
     if len(pairs) < LEAST:
         return PartResult().add("no_time", None, "there was no estimate to predict")
-    scaled = [[linalg.symmetrise(scaled_covariances(one, like=pair[0])) for one in pair] for pair in pairs]
+    scaled = [[linalg.symmetrise(scaled_covariances(p, like=pair[0])) for p in pair] for pair in pairs]
     factor = float(np.median([best_multiple(now, was) for was, now in scaled]))
-    apart = float(np.median([np.linalg.norm(now - factor * was) / np.linalg.norm(now) for was, now in scaled]))
+    remainder = float(np.median([np.linalg.norm(now - factor * was) / np.linalg.norm(now) for was, now in scaled]))
     least, most = np.median([np.linalg.eigvalsh(now - was)[[0, -1]] for was, now in scaled], axis=0)
     text = f"over {NO_TIME:g} s the covariance is multiplied by {factor:.3g} (median of {len(pairs)} predictions)"
     words = ""
     if least < -SPREAD and most > SPREAD:
-        # Process noise only adds, and a factor changes all alike.
+        # Process noise only adds, and a factor changes all entries alike.
         words = _reshaped(tracker, *pairs[0])
-    elif not 1.0 - SPREAD < factor < FADING and apart < 2.0 * SPREAD and not tracker.once(linearises):
+    elif not 1.0 - SPREAD < factor < FADING and remainder < 2.0 * SPREAD and not tracker.once(linearises):
         words = f": the points lie {np.sqrt(factor):.3g} times as far from their mean as their weights are made for"
     finding = Finding("sigma_points_misdrawn", 0.96, text + words, shown_by="long_run") if words else None
     return PartResult().add("no_time", finding is None, text, finding)
 
 
 def _then_missed(session: TrackerSession, scan: Scan, later: float) -> list[Estimate | None]:
-    """Return the estimates of a copy at a scan, and at a missed one ``later`` seconds after it."""
+    """Return the estimates of a copy at a scan, and at a missed scan ``later`` s after it."""
     return session.copy().follow([scan, empty_scan(scan._replace(time=scan.time + later))])
 
 
 def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[tuple[Array, Array]]:
-    """Yield the covariances before and after a prediction over no time, if points can have the first."""
+    """Yield the covariances before and after a prediction over no time, if sigma points can have the first one."""
     session = TrackerSession(tracker.make)
     with tracker.recording_failures(probe.name):
         for scan in tracker.approach(probe, (name,)):
@@ -157,7 +157,7 @@ def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterato
 
 
 def _reshaped(tracker: TrackerUnderTest, before: Array, after: Array) -> str:
-    """Return what a covariance becomes, of sigma points alone."""
+    """Describe how a covariance is reshaped; the text is empty where no sigma points can be the cause."""
     lower = np.linalg.cholesky(linalg.symmetrise(before))
     if np.linalg.norm(after - lower.T @ lower) < SPREAD * np.linalg.norm(after):
         return ", and becomes L^T L of its lower Cholesky factor L: the points lie along its rows"

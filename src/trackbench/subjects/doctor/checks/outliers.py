@@ -1,4 +1,4 @@
-"""Does the tracker use the measurements that its own covariance lets expect, and outlast a wildly wrong one?"""
+"""Does the tracker use measurements that its own covariance makes likely, and recover from a wildly wrong one?"""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.inside.interaction import bank_of, models_of
+from trackbench.subjects.doctor.inside.interaction import find_bank, models_of
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.samples import has_samples
-from trackbench.subjects.doctor.session import TrackerSession, apart, finite, position_sigma
+from trackbench.subjects.doctor.session import TrackerSession, finite, largest_difference, position_sigma
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap
 
-#: Gap after which the prediction is uncertain, s, and distance of a measurement from it, in its standard deviations.
+#: Gap after which the prediction is uncertain, s, and distance of a measurement from it, in standard deviations.
 GAP, ASIDE = 1.0, 1.5
-#: Change of an estimate that is none, in standard deviations; share of the trials, and least number of them.
+#: Change of an estimate that is only rounding, in standard deviations; least share and least number of the trials.
 NONE, MOST, LEAST = 1e-9, 0.7, 3
 #: Errors of one wild measurement: of lengths, m, and of angles, rad.
 LENGTHS, TURNS = ((25.0, "m"), (1000.0, "m")), ((np.pi, "rad"),)
-#: How long right measurements follow it, s; the share of its distance from the target that may be left then, and the
-#: change of a model's probability: sound filters without a gate have up to 0.06, and 0.25.
+#: Time of right measurements after a wild one, s; largest share of its distance from the target that is left then; and
+#: largest change of a model's probability. Sound filters without a gate have up to 0.06 and 0.25.
 RECOVERY, LEFT, CHANGED = 3.0, 0.1, 0.5
-#: How long measurements are rejected, s.
+#: Time for which measurements are rejected, s.
 AFTER = 1.0
-#: Distance of the measurements that are rejected, m, and the share of it by which none of them moves the estimate.
+#: Distance of the measurements that are rejected, m, and share of it up to which the estimate counts as unmoved.
 FAR, REJECTED = 100.0, 0.1
-#: Share of the standard deviation without measurements that a gate leaves which stays shut.
+#: Largest standard deviation behind a gate that stays shut, relative to the one without measurements.
 SHUT = 0.5
 
 
@@ -93,11 +93,11 @@ def _rejects_likely(tracker: TrackerUnderTest, name: str) -> Finding | None:
         trial = None if session is None else after_gap(tracker, probe, name, session, GAP)
         if trial is None or not trial.usable:
             continue
-        model, scan, likely = SENSOR_MODELS[trial.scan.kind], trial.scan, _likely(trial.prediction)
+        model, scan, likely = SENSOR_MODELS[trial.scan.kind], trial.scan, _likely_state(trial.prediction)
         aside = trial.posterior(model.measure(likely, scan.sensor_pose, scan.sensor_velocity))
         centre = trial.posterior(trial.predicted_measurement)
-        if aside is not None and centre is not None and apart(centre, trial.prediction) > NONE:
-            unused.append(apart(aside, trial.prediction) < NONE)
+        if aside is not None and centre is not None and largest_difference(centre, trial.prediction) > NONE:
+            unused.append(largest_difference(aside, trial.prediction) < NONE)
     if len(unused) < LEAST or np.mean(unused) < MOST:
         return None
     text = (
@@ -108,8 +108,8 @@ def _rejects_likely(tracker: TrackerUnderTest, name: str) -> Finding | None:
     return Finding("gate_too_small", 0.96, text, sensor=name, shown_by="long_gap")
 
 
-def _likely(prediction: Estimate) -> Array:
-    """Return the state that is so many standard deviations aside, in the direction of the least certain position."""
+def _likely_state(prediction: Estimate) -> Array:
+    """Return the state ``ASIDE`` standard deviations off the predicted one, along its least certain position."""
     variances, axes = np.linalg.eigh(prediction.covariance[:2, :2])
     position = ASIDE * np.sqrt(max(variances[1], 0.0)) * axes[:, 1]
     of_position = prediction.covariance[:, :2] @ np.linalg.pinv(prediction.covariance[:2, :2])
@@ -117,7 +117,7 @@ def _likely(prediction: Estimate) -> Array:
 
 
 def _scans_after(tracker: TrackerUnderTest, probe: Probe, duration: float = AFTER) -> list[Scan]:
-    """Return the scans of all sensors for some time after a probe's time 0."""
+    """Return the noise-free scans of all sensors for some time after a probe's time 0."""
     scans = [
         tracker.scan(probe, name, k / probe_rate(sensor))
         for name, sensor in tracker.sensors.items()
@@ -135,10 +135,10 @@ def _stays_shut(tracker: TrackerUnderTest) -> Finding | None:
             continue
         with tracker.recording_failures(probe.name):
             rejected = session.copy().follow(_scans_after(tracker, probe._replace(target=(px, *probe.target[1:]))))[-1]
-            alone = session.copy().follow([empty_scan(scan) for scan in _scans_after(tracker, probe)])[-1]
-            if rejected is not None and alone is not None:
-                moved = np.hypot(*(rejected.mean - alone.mean)[:2])
-                sigmas = position_sigma(rejected), position_sigma(alone)
+            unmeasured = session.copy().follow([empty_scan(scan) for scan in _scans_after(tracker, probe)])[-1]
+            if rejected is not None and unmeasured is not None:
+                moved = np.hypot(*(rejected.mean - unmeasured.mean)[:2])
+                sigmas = position_sigma(rejected), position_sigma(unmeasured)
                 shut += [sigmas] if moved < REJECTED * FAR and sigmas[0] < SHUT * sigmas[1] else []
     if len(shut) < LEAST:
         return None
@@ -157,35 +157,34 @@ def _lost_after(tracker: TrackerUnderTest, name: str) -> Finding | None:
     if session is None:
         return None
     with tracker.recording_failures(probe.name):
-        usual, expected = _recovered(tracker, session, [right, *after])
-        for words, wild in _wild(right):
-            estimate, probabilities = _recovered(tracker, session, [wild, *after])
+        usual, expected = _estimate_after(tracker, session, [right, *after])
+        for words, wild in _wild_scans(right):
+            estimate, probabilities = _estimate_after(tracker, session, [wild, *after])
             if usual is None or estimate is None or not finite(usual):
                 continue
             positions = [SENSOR_MODELS[scan.kind].position(scan).mean for scan in (wild, right)]
-            error, distance = (np.hypot(*(of[0] - of[1])[:2]) for of in ((estimate.mean, usual.mean), positions))
-            if expected is not None and probabilities is not None and not _alike(probabilities, expected):
+            error, distance = (np.hypot(*(pair[0] - pair[1])[:2]) for pair in ((estimate.mean, usual.mean), positions))
+            if expected is not None and probabilities is not None and not _nearly_equal(probabilities, expected):
                 values = ", ".join(f"{value:.2g}" for value in probabilities)
-                fault, left = "imm_likelihood_underflow", f"the probabilities of the models at {values}"
+                fault, result = "imm_likelihood_underflow", f"the probabilities of the models at {values}"
             elif not finite(estimate):
-                fault, left = "nonfinite", "an estimate that is not finite"
+                fault, result = "nonfinite", "an estimate that is not finite"
             elif error > LEFT * distance:
-                fault, left = "lost_after_outlier", f"the estimate {error:.3g} m off {RECOVERY:g} s later"
+                fault, result = "lost_after_outlier", f"the estimate {error:.3g} m off {RECOVERY:g} s later"
             else:
                 continue
-            text = f"one {words}, of {name}, leaves {left}"
+            text = f"one {words}, of {name}, leaves {result}"
             # A wrong gain or covariance loses the target too.
             confidence = 0.85 if fault == "lost_after_outlier" else 0.97
             return Finding(fault, confidence, text, sensor=name, shown_by="manoeuvre")
     return None
 
 
-def _alike(probabilities: Array, expected: Array) -> bool:
-    """Whether probabilities differ by less than a wild measurement may change them by; none that is not finite does."""
+def _nearly_equal(probabilities: Array, expected: Array) -> bool:
     return bool(np.abs(probabilities - expected).max() < CHANGED)
 
 
-def _recovered(
+def _estimate_after(
     tracker: TrackerUnderTest, session: TrackerSession, scans: Sequence[Scan]
 ) -> tuple[Estimate | None, Array | None]:
     """Return the last estimate of a copy, or the first that is not finite, and its models' probabilities ``(m,)``."""
@@ -194,13 +193,13 @@ def _recovered(
         estimate = twin.step(scan)
         if estimate is not None and not finite(estimate):
             break
-    bank = tracker.once(bank_of)
+    bank = tracker.once(find_bank)
     models = None if bank is None else models_of(twin, bank[0])
     return estimate, None if models is None else models.probability
 
 
-def _wild(scan: Scan) -> Iterator[tuple[str, Scan]]:
-    """Yield the scan with an error of one component, in words and as a scan."""
+def _wild_scans(scan: Scan) -> Iterator[tuple[str, Scan]]:
+    """Yield scans with an error of one component, each with the error in words."""
     model = SENSOR_MODELS[scan.kind]
     for i, component in enumerate(model.components[:2]):
         for size, unit in TURNS if i in model.angular else LENGTHS[: 2 - i]:

@@ -15,43 +15,43 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: Time steps of the predictions, s.
 STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
-#: Error of a time step, relative to it.
+#: Largest error of a time step, relative to it.
 TOLERANCE = 0.1
-#: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.
+#: Longest step that identifies a unit even if it is taken a thousand times too long, s.
 SHORT = 0.01
-#: Units of times, over seconds, and uncertainty of a ratio of times that is one of them, relative to it.
+#: Units of time, as their number in a second; and largest error of the logarithm of such a number.
 UNITS, FAR_APART = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}, 0.3
 #: Longest time of motion of an estimate that does not move, s.
 STILL = 1e-3
-#: Turn of the velocity, rad, and change of the speed, relative to it, up to which a prediction is straight.
+#: Largest turn of the velocity, rad, and largest relative change of the speed, in a straight prediction.
 STRAIGHT = 0.05
-#: Share of the predictions that have to be.
+#: Least share of the predictions that are straight.
 MOST = 0.8
-#: Time after which a measurement shows whether there is a prediction to it, s, and the share of the motion in it by
-#: which the estimate may be off then.
+#: Time after which a measurement shows whether there is a prediction to it, s, and largest error then, relative to the
+#: motion.
 LATER, MISSED = 0.4, 0.25
 
 
 class PredictedStep(NamedTuple):
-    """One prediction."""
+    """A prediction over a time step."""
 
     step: float
     """s"""
     moved: float
     """Displacement along the velocity over the speed, s: the step that the tracker used."""
     previous: float
-    """The step before it, s."""
+    """Time step before this one, s."""
     before: Estimate
     after: Estimate
 
     @property
     def straight(self) -> bool:
-        """Whether the velocity stays as it is, and the estimate moves along it."""
+        """Whether the velocity stays constant, and the estimate moves along it."""
         velocity, later = self.before.mean[2:], self.after.mean[2:]
         across = np.array([-velocity[1], velocity[0]]) / (velocity @ velocity)
         aside = abs(float(across @ (self.after.mean - self.before.mean)[:2]))
-        apart = np.linalg.norm(later - velocity) / np.linalg.norm(velocity)
-        return bool(apart < STRAIGHT and aside < STRAIGHT * max(abs(self.moved), STILL))
+        change = np.linalg.norm(later - velocity) / np.linalg.norm(velocity)
+        return bool(change < STRAIGHT and aside < STRAIGHT * max(abs(self.moved), STILL))
 
 
 @doctor_check(
@@ -76,10 +76,10 @@ class PredictedStep(NamedTuple):
 )
 def motion_prediction(tracker: TrackerUnderTest) -> PartResult:
     """Predict over steps of several lengths, each after previous steps of two lengths."""
-    steps = [one for probe in tracker.probes.general[:2] for one in _predicted_steps(tracker, probe)]
+    steps = [item for probe in tracker.probes.general[:2] for item in _predicted_steps(tracker, probe)]
     if len(steps) < len(STEPS):
         return PartResult().add("prediction", None, "there was no moving estimate to predict")
-    step, moved = (np.array([one[i] for one in steps]) for i in range(2))
+    step, moved = (np.array([item[i] for item in steps]) for i in range(2))
     wrong = np.abs(moved - step) > TOLERANCE * np.maximum(step, 0.02)
     ratios = moved / step
     text = (
@@ -87,19 +87,19 @@ def motion_prediction(tracker: TrackerUnderTest) -> PartResult:
         "times as far as its velocity says"
     )
     passed = float(np.mean(wrong)) < 0.1
-    finding = None if passed else _explained(tracker, steps)
+    finding = None if passed else _explain(tracker, steps)
     return PartResult().add("prediction", passed, text, finding)
 
 
-def _explained(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Finding | None:
-    """What fits the displacements of all predictions."""
-    step, moved, previous = (np.array([one[i] for one in steps]) for i in range(3))
+def _explain(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Finding | None:
+    """Report the wrong time step that fits the displacements of all predictions."""
+    step, moved, previous = (np.array([item[i] for item in steps]) for i in range(3))
     ratios, shown_by = moved / step, tracker.probes.general[0].name
     ratio = float(np.median(ratios))
-    # Over a step that is far too long a turning model goes round in circles.
+    # A turning model goes round in circles over a step that is far too long: only short steps show a unit.
     unit = _unit(float(np.median(ratios[step <= SHORT])))
-    more = float(np.median(moved - step - previous))
-    if more > -STILL and np.allclose(moved, step + previous + more, rtol=TOLERANCE, atol=2e-3):
+    extra = float(np.median(moved - step - previous))
+    if extra > -STILL and np.allclose(moved, step + previous + extra, rtol=TOLERANCE, atol=2e-3):
         text = (
             f"a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity: the time of "
             "the scan before it, a missed one, was not stored"
@@ -134,7 +134,7 @@ def _explained(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Fin
 
 
 def _unit(ratio: float) -> tuple[str, float] | None:
-    """The unit that a time is in instead of seconds, or is converted from once too often, and the ratio of both."""
+    """Return the unit that is confused with seconds, and the ratio of both; None where no unit fits."""
     for name, size in UNITS.items():
         for exact in (size, 1.0 / size):
             if ratio > 0.0 and abs(np.log(ratio / exact)) < FAR_APART:
@@ -143,17 +143,17 @@ def _unit(ratio: float) -> tuple[str, float] | None:
 
 
 def _other_time(steps: Sequence[PredictedStep]) -> Finding | None:
-    """Straight motion along the velocity, over other times than the steps: cut, rounded, or in whole seconds."""
-    off = [step for step in steps if abs(step.moved - step.step) > TOLERANCE * max(step.step, 0.02)]
+    """Report straight motion along the velocity over other times than the steps, such as cut or rounded ones."""
+    wrong = [step for step in steps if abs(step.moved - step.step) > TOLERANCE * max(step.step, 0.02)]
     if np.mean([step.straight for step in steps]) < MOST:
         return None
-    moved = {step.step: f"{step.step:g} s by {step.moved:.3g} s" for step in off}
+    moved = {step.step: f"{step.step:g} s by {step.moved:.3g} s" for step in wrong}
     text = f"predictions move the estimate along its velocity, and over other times: over {', '.join(moved.values())}"
     return Finding("wrong_dt", 0.95, text, shown_by="uneven_steps")
 
 
 def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
-    """The position error after a measurement without noise some time later, m; None unless it was predicted to it."""
+    """Return the position error after a noise-free measurement, m; None unless the tracker predicted to its time."""
     errors = []
     sensor_set = tracker.sensor_sets()[-1]
     for probe in tracker.probes.general[:2]:
@@ -162,20 +162,20 @@ def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
         estimate = tracker.peek(session, scan, probe.name)
         if estimate is None or not finite(estimate):
             return None
-        away = estimate.mean - probe.truth(LATER)
+        error = estimate.mean - probe.truth(LATER)
         speed = float(np.hypot(*probe.target[2:]))
-        # Without a prediction the position lags, and the lag is taken for speed.
-        if np.hypot(*away[:2]) > MISSED * LATER * speed or np.hypot(*away[2:]) > MISSED * speed:
+        # Without a prediction the position lags, and the tracker takes the lag for speed.
+        if np.hypot(*error[:2]) > MISSED * LATER * speed or np.hypot(*error[2:]) > MISSED * speed:
             return None
-        errors.append(float(np.hypot(*away[:2])))
+        errors.append(float(np.hypot(*error[:2])))
     return max(errors)
 
 
 def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedStep]:
     at_probe, name = tracker.session_of_most(probe), next(iter(tracker.sensors))
-    found: list[PredictedStep] = []
+    predicted: list[PredictedStep] = []
     if at_probe is None:
-        return found
+        return predicted
     with tracker.recording_failures(probe.name):
         for previous in (0.05, 0.15):
             session = at_probe.copy()
@@ -190,5 +190,5 @@ def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedS
                 # A velocity in another unit may be small.
                 if speed > 1.0 or (speed > 1e-6 and np.hypot(*displacement) > 0.05):
                     moved = displacement @ first.mean[2:] / speed**2
-                    found.append(PredictedStep(step, float(moved), previous, first, later))
-    return found
+                    predicted.append(PredictedStep(step, float(moved), previous, first, later))
+    return predicted

@@ -8,27 +8,27 @@ import numpy as np
 
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.matrices import straight
+from trackbench.subjects.doctor.matrices import cv_transition
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-#: Growth of the standard deviation of a road vehicle's speed in 1 s without measurements, at 20 steps a second, m/s.
-#: White accelerations of 0.5 and 18 m/s^2 cause these: the rule of half to all of the largest acceleration (Bar-Shalom,
-#: Li and Kirubarajan 2001, section 6.3.2) with 1 to 9 m/s^2 lies well within.
+#: Growth of the standard deviation of a road vehicle's speed in 1 s without measurements, at 20 steps a second, m/s:
+#: least and largest, by white accelerations of 0.5 and 18 m/s^2. The rule of half to all of the largest acceleration
+#: (Bar-Shalom, Li and Kirubarajan 2001, section 6.3.2) with 1 to 9 m/s^2 lies well within.
 BAND = (0.115, 4.0)
-#: The same of the reference, a white acceleration of 3 m/s^2.
+#: Growth in the reference, with a white acceleration of 3 m/s^2, m/s.
 REFERENCE = 3.0 * np.sqrt(0.05)
-#: A growth below this is the rounding of the difference of two variances, m/s.
+#: Growth below which the difference of two variances is only rounding, m/s.
 NONE = 1e-6
-#: s
+#: Time step of the predictions, s.
 STEP = 0.05
-#: Two steps whose process noises are compared, s, and the share of the long one's that the short one's may have.
+#: Two steps whose process noises are compared, s, and largest noise of the short step relative to the long one's.
 STEPS, CONSTANT = (0.002, 0.2), 0.3
-#: Growth of the variance of the velocity over the long step that is one, relative to it.
+#: Least growth of the variance of the velocity over the long step, relative to it, that is a process noise.
 LEAST_GROWTH = 1e-6
-#: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory: none with
-#: constant velocity, and what other motions add in so short a step.
+#: Largest share of the growth over the short step that is not in proportion to the covariance, with a fading memory:
+#: none with constant velocity, and what other motions add in so short a step.
 ONLY = 0.2
 
 
@@ -81,18 +81,18 @@ ONLY = 0.2
 )
 def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
     """Predict for 1 s without measurements, and measure the growth of the speed's standard deviation."""
-    # A tracker may leave a sensor out; one that starts from a sensor alone reads it.
-    alone = [(name,) for name in tracker.sensors]
-    found = _growths(tracker, alone) or _growths(tracker, [tuple(tracker.sensors)])
-    if not found:
-        why = "there was no estimate to predict"
-        return PartResult().add("process_noise", None, why).add("noise_per_step", None, why)
-    growth = float(np.median(found))
+    # A tracker may ignore one of several sensors; if it starts from one alone, it uses that one.
+    single = [(name,) for name in tracker.sensors]
+    growths = _growths(tracker, single) or _growths(tracker, [tuple(tracker.sensors)])
+    if not growths:
+        reason = "there was no estimate to predict"
+        return PartResult().add("process_noise", None, reason).add("noise_per_step", None, reason)
+    growth = float(np.median(growths))
     shown_by = tracker.probes.general[0].name
     if growth < NONE:
         text = (
             "in 1 s without a measurement the variance of the speed does not grow (its root by at most "
-            f"{max(found):.2g} m/s)"
+            f"{max(growths):.2g} m/s)"
         )
         finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by)
         return PartResult().add("process_noise", False, text, finding)
@@ -115,13 +115,13 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
-    """Predict over a short and over a long step: with any white noise the variance grows with the step."""
+    """Add the check whether the variance of the velocity grows with the step, as with any white noise."""
     pairs = []
     for probe in tracker.probes.general[:3]:
-        over = [tracker.predicted(probe, step) for step in STEPS]
-        if over[0] is None or over[1] is None:
+        estimates = [tracker.predicted(probe, step) for step in STEPS]
+        if estimates[0] is None or estimates[1] is None:
             continue
-        now, short, long = over[0][0], over[0][1], over[1][1]
+        now, short, long = estimates[0][0], estimates[0][1], estimates[1][1]
         variances = [float(np.trace(estimate.covariance[2:, 2:])) for estimate in (now, short, long)]
         if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short, STEPS[0]):
             pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
@@ -139,11 +139,11 @@ def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
 
 
 def _faded(before: Estimate, after: Estimate, step: float) -> bool:
-    """Whether the covariance, moved with the estimate, has only been multiplied, as with a fading memory.
+    """Return whether the covariance, moved with the estimate, is only multiplied, as with a fading memory.
 
-    Entries count by their standard deviations: the velocity's growth alone can be in proportion to its variances.
+    Entries are scaled by standard deviations: the velocity's growth alone can be in proportion to its variances.
     """
-    motion = straight(step)
+    motion = cv_transition(step)
     moved = motion @ before.covariance @ motion.T
     spread = np.sqrt(np.abs(np.diag(moved)))
     p, grown = (matrix / np.outer(spread, spread) for matrix in (moved, after.covariance - moved))
@@ -153,15 +153,14 @@ def _faded(before: Estimate, after: Estimate, step: float) -> bool:
 
 def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[float]:
     return [
-        one
+        growth
         for probe in tracker.probes.general[:3]
         for sensor_set in sensor_sets
-        if (one := _growth(tracker, probe, sensor_set)) is not None
+        if (growth := _growth_of_speed_sigma(tracker, probe, sensor_set)) is not None
     ]
 
 
-def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> float | None:
-    """Growth of the standard deviation of the speed in 1 s, m/s."""
+def _growth_of_speed_sigma(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> float | None:
     session = tracker.session_at(probe, sensor_set)
     if session is None:
         return None

@@ -14,17 +14,17 @@ from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-#: NEES of the first estimate over its expectation; 4 if the first standard deviations are half of the right ones.
+#: Largest NEES of the first estimate, relative to its expectation; 4 with standard deviations of half the right ones.
 OVERCONFIDENT = 6.0
 #: Median of a chi-square variable with 2 degrees of freedom.
 MEDIAN = 1.39
 #: Number of tracks for the NEES.
 STARTS = 60
-#: Velocity of the sensor along the line of sight that counts, and difference that is none, m/s.
+#: Least velocity of the sensor along the line of sight that counts, and largest difference of equal velocities, m/s.
 OWN, SAME = 2.0, 0.5
-#: Other orders of an estimate, and where px, py, vx, vy are in them.
+#: Other orders of an estimate, and the indices of px, py, vx, vy in them.
 ORDERS = {"px, vx, py, vy": [0, 2, 1, 3], "vx, vy, px, py": [2, 3, 0, 1]}
-#: Number of scans in which a track has to start.
+#: Number of scans within which a track has to start.
 SCANS = 16
 
 
@@ -35,27 +35,26 @@ class FirstEstimate(NamedTuple):
     scan: Scan
     estimate: Estimate
     truth: Array
-    """``(4,)`` at that time."""
-    given: list[Scan]
-    """The scans up to that time."""
+    """True px, py, vx, vy ``(4,)`` at the time of the scan."""
+    scans: list[Scan]
+    """Scans up to the time of the first estimate."""
 
 
 class Approach(NamedTuple):
-    """A target as one sensor measures it from time 0 on."""
+    """A target that one sensor measures from time 0 on."""
 
     probe: Probe
     name: str
-    """Of the sensor."""
+    """Name of the sensor."""
     sensor: Sensor
     noise: Array
-    """``(SCANS, m)`` of the measurements, in standard deviations."""
+    """Noise ``(SCANS, m)`` of the measurements, in standard deviations."""
 
     def time(self, k: int) -> float:
-        """Of a scan, s."""
+        """Return the time of a scan, s."""
         return k / probe_rate(self.sensor)
 
     def scan(self, k: int) -> Scan:
-        """The scan of this number."""
         scan = self.probe.scan(self.name, self.sensor, self.time(k))
         return scan._replace(measurement=scan.measurement + np.sqrt(np.diag(scan.noise_covariance)) * self.noise[k])
 
@@ -63,46 +62,46 @@ class Approach(NamedTuple):
 def first_estimates(
     tracker: TrackerUnderTest, probes: Sequence[Probe], name: str, random: np.random.Generator | None = None
 ) -> list[FirstEstimate | None]:
-    """Start a track of each target with one sensor; None where it fails or does not start.
+    """Return the first estimate of a track of each target with one sensor; None where it fails or does not start.
 
     Args:
-        tracker: starts them.
-        probes: the targets, all with the same observer.
-        name: of the sensor.
-        random: draws the noise of the measurements, which is the same for every tracker; without it there is none.
+        tracker: tracker whose tracks start.
+        probes: targets, all with the same observer.
+        name: name of the sensor.
+        random: source of the measurement noise, which is the same for every tracker; None for no noise.
     """
     sensor = tracker.sensors[name]
     size = (len(probes), SCANS, len(SENSOR_MODELS[sensor.type].components))
     noise = np.zeros(size) if random is None else random.standard_normal(size)
-    targets = [Approach(probe, name, sensor, own) for probe, own in zip(probes, noise, strict=True)]
+    targets = [Approach(probe, name, sensor, of_target) for probe, of_target in zip(probes, noise, strict=True)]
     if tracker.batched:
         try:
-            return _started(tracker, targets)
+            return _start_tracks(tracker, targets)
         except StepFailed as failure:
             if failure.fault.kind == "died":
                 tracker.failures.append((probes[0].name, failure))
                 return [None] * len(probes)
-            # It tells not in which column it failed.
-    found: list[FirstEstimate | None] = []
+            # A failed step does not say in which column it failed.
+    firsts: list[FirstEstimate | None] = []
     for target in targets:
-        found.append(None)
+        firsts.append(None)
         with tracker.recording_failures(target.probe.name):
-            found[-1] = _started(tracker, [target])[0]
-    return found
+            firsts[-1] = _start_tracks(tracker, [target])[0]
+    return firsts
 
 
-def _started(tracker: TrackerUnderTest, targets: Sequence[Approach]) -> list[FirstEstimate | None]:
+def _start_tracks(tracker: TrackerUnderTest, targets: Sequence[Approach]) -> list[FirstEstimate | None]:
     session = TrackerSession(tracker.make, len(targets))
-    found: list[FirstEstimate | None] = [None] * len(targets)
+    firsts: list[FirstEstimate | None] = [None] * len(targets)
     for k in range(SCANS):
-        scans = [one.scan(k) for one in targets]
+        scans = [target.scan(k) for target in targets]
         for i, estimate in enumerate(session.step_each(scans)):
-            if found[i] is None and estimate is not None:
+            if firsts[i] is None and estimate is not None:
                 probe, time = targets[i].probe, targets[i].time(k)
-                found[i] = FirstEstimate(probe, scans[i], estimate, probe.truth(time), session.given_to(i))
-        if None not in found:
+                firsts[i] = FirstEstimate(probe, scans[i], estimate, probe.truth(time), session.scans_of(i))
+        if None not in firsts:
             break
-    return found
+    return firsts
 
 
 @doctor_check(
@@ -126,30 +125,32 @@ def first_position(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks without noise at many probes with each sensor alone."""
     result = PartResult()
     for name, sensor in tracker.sensors.items():
-        found = first_estimates(tracker, tracker.probes.general, name)
+        firsts = first_estimates(tracker, tracker.probes.general, name)
         for probe in tracker.probes.moving:
-            found += first_estimates(tracker, (probe,), name)
-        started = [one for one in found if one is not None and finite(one.estimate)]
+            firsts += first_estimates(tracker, (probe,), name)
+        started = [first for first in firsts if first is not None and finite(first.estimate)]
         if not started:
             result.add(f"start.{name}", None, "no track started")
             continue
-        off = [one for one in started if _error(one) > _allowed(one)]
+        misplaced = [first for first in started if _error(first) > _allowed(first)]
         worst = max(started, key=_error)
-        text = f"{len(off)} of {len(started)} tracks start elsewhere; the largest error is {_error(worst):.3g} m"
-        found_fault = _another_order(off) if 2 * len(off) > len(started) else None
-        if found_fault is None and sensor.type == "radar":
-            found_fault = _own_velocity(name, started)
-        result.add(f"start.{name}", not off and found_fault is None, text, found_fault)
+        text = f"{len(misplaced)} of {len(started)} tracks start elsewhere; the largest error is {_error(worst):.3g} m"
+        finding = _another_order(misplaced) if 2 * len(misplaced) > len(started) else None
+        if finding is None and sensor.type == "radar":
+            finding = _own_velocity(name, started)
+        result.add(f"start.{name}", not misplaced and finding is None, text, finding)
     return result
 
 
-def _another_order(off: Sequence[FirstEstimate]) -> Finding | None:
+def _another_order(firsts: Sequence[FirstEstimate]) -> Finding | None:
     """Report first estimates that are at their targets if their components are taken in another order."""
     for names, order in ORDERS.items():
-        errors = [np.hypot(*(first.estimate.mean[order] - first.truth)[:2]) for first in off]
-        if all(error < _allowed(first) for error, first in zip(errors, off, strict=True)):
-            mean, truth = (", ".join(f"{value:.3g}" for value in of[:4]) for of in (off[0].estimate.mean, off[0].truth))
-            text = f"the first estimate {mean} is {names} of a target with px, py, vx, vy = {truth} ({len(off)} tracks)"
+        errors = [np.hypot(*(first.estimate.mean[order] - first.truth)[:2]) for first in firsts]
+        if all(error < _allowed(first) for error, first in zip(errors, firsts, strict=True)):
+            states = (firsts[0].estimate.mean, firsts[0].truth)
+            mean, truth = (", ".join(f"{value:.3g}" for value in state[:4]) for state in states)
+            text = f"the first estimate {mean} is {names} of a target with px, py, vx, vy = {truth} "
+            text += f"({len(firsts)} tracks)"
             return Finding("state_order", PROVEN, text, shown_by="tangential_pass")
     return None
 
@@ -164,19 +165,19 @@ def _allowed(first: FirstEstimate) -> float:
 
 
 def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
-    """First velocities that are off along the line of sight by the sensor's own, or by twice that."""
+    """Report first velocities with an error of the sensor's own velocity along the line of sight, or of twice that."""
     seen = [(first, _along(first, first.scan.sensor_velocity)) for first in started]
-    moving = [(first, own) for first, own in seen if abs(own) > OWN]
+    moving = [(first, ego) for first, ego in seen if abs(ego) > OWN]
     for times, words in ((1.0, "left out"), (2.0, "added, and is to be subtracted")):
-        off = [(_along(first, first.estimate.mean[2:] - first.truth[2:]), own, first) for first, own in moving]
-        if len(off) < 2 or any(
-            abs(error + times * own) > SAME or not _clear(first, error) for error, own, first in off
+        errors = [(_along(first, first.estimate.mean[2:] - first.truth[2:]), ego, first) for first, ego in moving]
+        if len(errors) < 2 or any(
+            abs(error + times * ego) > SAME or not _is_significant(first, error) for error, ego, first in errors
         ):
             continue
-        error, own, first = max(off, key=lambda entry: abs(entry[0]))
+        error, ego, first = max(errors, key=lambda entry: abs(entry[0]))
         text = (
             f"the first velocity from {name} is off by {error:+.3g} m/s along the line of sight where the sensor moves "
-            f"at {own:+.3g} m/s along it: its own velocity is {words} ({len(off)} of {len(moving)} tracks)"
+            f"at {ego:+.3g} m/s along it: its own velocity is {words} ({len(errors)} of {len(moving)} tracks)"
         )
         fault = "ego_motion_ignored" if times == 1.0 else "ego_motion_wrong"
         return Finding(fault, 0.92, text, sensor=name, shown_by=first.probe.name)
@@ -184,13 +185,13 @@ def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
 
 
 def _along(first: FirstEstimate, vector: Array) -> float:
-    """A component along the line of sight."""
+    """Return the component of a vector along the line of sight."""
     sight = first.truth[:2] - first.scan.sensor_pose[:2]
     return float(vector @ sight / np.hypot(*sight))
 
 
-def _clear(first: FirstEstimate, error: float) -> bool:
-    """Whether an error of the velocity along the line of sight is beyond what is stated."""
+def _is_significant(first: FirstEstimate, error: float) -> bool:
+    """Return whether an error of the velocity along the line of sight is beyond the stated covariance."""
     sight = first.truth[:2] - first.scan.sensor_pose[:2]
     variance = sight @ first.estimate.covariance[2:, 2:] @ sight / (sight @ sight)
     return bool(error**2 > 4.0 * variance)
@@ -215,44 +216,42 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
     random = np.random.default_rng([tracker.seed, 0])
     nees: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
     errors: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
-    probes = [_any_target(random).placed(tracker.probes.site) for _ in range(STARTS)]
+    probes = [_random_target(random).placed(tracker.probes.site) for _ in range(STARTS)]
     for name in tracker.sensors:
         for first in first_estimates(tracker, probes, name, random):
             if first is None:
                 continue
-            tracker.output_checks.add(first.estimate, first.scan, first.probe.name, first.given)
+            tracker.output_checks.add(first.estimate, first.scan, first.probe.name, first.scans)
             if finite(first.estimate):
-                nees[name].append(_nees(first))
+                nees[name].append(_nees_of_parts(first))
                 # Each component in its stated standard deviations.
                 sigma = np.sqrt(np.maximum(np.diag(first.estimate.covariance), np.finfo(float).tiny))
                 errors[name].append(np.asarray((first.estimate.mean - first.truth) / sigma))
-    known = {name: np.array(values) for name, values in nees.items() if len(values) > STARTS // 2}
-    if not known:
+    by_sensor = {name: np.array(values) for name, values in nees.items() if len(values) > STARTS // 2}
+    if not by_sensor:
         return PartResult().add("start_confidence", None, "no track started")
-    means = {name: (np.mean(values, axis=0), np.median(values, axis=0)) for name, values in known.items()}
+    means = {name: (np.mean(values, axis=0), np.median(values, axis=0)) for name, values in by_sensor.items()}
     text = "; ".join(
         f"{name}: mean NEES {mean[0]:.3g} of the first position and {mean[1]:.3g} of the first velocity (expected: 2)"
         for name, (mean, _) in means.items()
     )
-    over = {name: max(mean / 2) for name, (mean, median) in means.items() if max(median / MEDIAN) > OVERCONFIDENT}
-    if not over:
+    ratios = {name: max(mean / 2) for name, (mean, median) in means.items() if max(median / MEDIAN) > OVERCONFIDENT}
+    if not ratios:
         return PartResult().add("start_confidence", True, text)
-    name = max(over, key=lambda item: over[item])
+    name = max(ratios, key=lambda item: ratios[item])
     shown_by = tracker.probes.general[0].name
-    finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by)
+    finding = Finding("overconfident_start", 0.9, text, factor=1 / ratios[name], shown_by=shown_by)
     return PartResult().add("start_confidence", False, text, finding)
 
 
-def _any_target(random: np.random.Generator) -> Probe:
-    """A target anywhere about the observer, with any velocity."""
+def _random_target(random: np.random.Generator) -> Probe:
     bearing, course = random.uniform(-np.pi, np.pi, 2)
     distance, speed = random.uniform(15.0, 150.0), random.uniform(3.0, 30.0)
     target = (distance * np.cos(bearing), distance * np.sin(bearing), speed * np.cos(course), speed * np.sin(course))
     return Probe("start", "a random target at its first measurement", target)
 
 
-def _nees(first: FirstEstimate) -> Array:
-    """``(2,)`` of the position and of the velocity."""
+def _nees_of_parts(first: FirstEstimate) -> Array:
     error, covariance = first.estimate.mean - first.truth, first.estimate.covariance
     p = 0.5 * (covariance + covariance.T)
     return np.array([error[part] @ np.linalg.pinv(p[part, part]) @ error[part] for part in (slice(0, 2), slice(2, 4))])

@@ -1,8 +1,8 @@
-"""Is the covariance that is returned computed, and the one that gains are made of?
+"""Is the returned covariance computed, and is it the one that gains are made of?
 
-A gain is that of the tracker's own predicted covariance, ``K = P H^T (H P H^T + R)^-1``. So the columns ``P H^T`` are
-``K (I - H K)^-1 R``: the covariance of the whole state with the position follows from a gain alone, and where it is the
-same by two sensors, it is the tracker's own.
+A gain is made of the tracker's own predicted covariance: ``K = P H^T (H P H^T + R)^-1``. So the columns ``P H^T`` are
+``K (I - H K)^-1 R``, and the covariance of the whole state with the position follows from a gain alone. Where two
+sensors give the same one, it is the tracker's own.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from trackbench.subjects.doctor.samples import has_samples
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
 
-#: Change of a covariance that is none but rounding, relative to its variances.
+#: Change of a covariance that is only rounding, relative to its variances.
 UNCHANGED = 1e-9
-#: Prediction after which a covariance has grown, s.
+#: Time of a prediction in which a covariance grows, s.
 LATER = 1.0
-#: Difference of the covariances by two sensors, relative to them, up to which they are one: 0.00 with a Kalman filter,
-#: sigma points or not, 0.03 with several models.
+#: Largest difference of the covariances by two sensors, relative to them, at which they are one: 0.00 with a Kalman
+#: filter, sigma points or not, 0.03 with several models.
 ONE = 0.08
-#: Difference from the returned one, but for a factor, from which on that is another. A factor is also that of a
-#: measurement noise.
+#: Least difference, but for a factor, of the gains' covariance from the returned one at which they are two. A factor
+#: may also come from a measurement noise.
 OTHER = 0.2
-#: Least number of targets at which both are known.
+#: Least number of targets at which the covariances by two sensors are known.
 LEAST = 3
 
 
@@ -63,18 +63,18 @@ def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
 
 
 def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
-    """What is wrong with the covariances that are returned, if the gains are not made of them."""
+    """Report a returned covariance that never changes, or that the gains are not made of."""
     if constant := _constant(tracker):
         return constant
     return another_covariance(tracker) if any(tracker.trials.values()) else None
 
 
 def _constant(tracker: TrackerUnderTest) -> Finding | None:
-    """One covariance after measurements, and without."""
-    pairs = [over for probe in tracker.probes.general if (over := tracker.predicted(probe, LATER)) is not None]
-    trials = [trial for of in tracker.trials.values() for trial in of]
-    updated = [one for trial in trials if (one := trial.posterior(trial.predicted_measurement)) is not None]
-    stated = [*(one for pair in pairs for one in pair), *updated]
+    """Report one covariance that is the same after measurements and without."""
+    pairs = [pair for probe in tracker.probes.general if (pair := tracker.predicted(probe, LATER)) is not None]
+    trials = [trial for of_sensor in tracker.trials.values() for trial in of_sensor]
+    updated = [after for trial in trials if (after := trial.posterior(trial.predicted_measurement)) is not None]
+    stated = [*(estimate for pair in pairs for estimate in pair), *updated]
     if len(pairs) < 3 or len(updated) < 3:
         return None
     first = stated[0].covariance
@@ -93,34 +93,34 @@ def _constant(tracker: TrackerUnderTest) -> Finding | None:
 
 
 class OwnCovariance(NamedTuple):
-    """What the gains of two sensors at one target are made of."""
+    """Covariance that the gains of two sensors at one target are made of."""
 
     trial: Trial
     own: Array
-    """``(4, 2)`` covariance of the state with the position, the mean by the two sensors."""
+    """Covariance ``(4, 2)`` of the state with the position, mean of the two sensors."""
     gap: float
-    """Between the two, relative to them."""
-    apart: float
-    """Distance of the nearest multiple of the returned one, relative to the former."""
+    """Difference between the two sensors, relative to the covariance."""
+    distance: float
+    """Distance from the nearest multiple of the returned covariance, relative to ``own``."""
 
 
 def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
-    """That the gains of all sensors are made of one covariance, and another is returned, if it is so."""
+    """Report that the gains of all sensors are made of one covariance, and another one is returned."""
     if has_samples(tracker):
         return None
     targets = _own_covariances(list(tracker.trials.values()))
     if len(targets) < LEAST or np.median([target.gap for target in targets]) > ONE:
         return None
     gap = float(np.median([target.gap for target in targets]))
-    apart = float(np.median([target.apart for target in targets]))
-    if apart < OTHER or tracker.once(harmless) is not None:
+    distance = float(np.median([target.distance for target in targets]))
+    if distance < OTHER or tracker.once(harmless) is not None:
         return None
-    clearest = max(targets, key=lambda target: target.apart)
+    clearest = max(targets, key=lambda target: target.distance)
     returned = clearest.trial.prediction.covariance[:, :2]
-    sigmas = [float(np.sqrt(max(np.trace(of[:2]), 0.0))) for of in (returned, clearest.own)]
+    sigmas = [float(np.sqrt(max(np.trace(p[:2]), 0.0))) for p in (returned, clearest.own)]
     text = (
         f"the gains of two sensors are made of one covariance (within {gap:.2g}), "
-        f"and another is returned: it is off by {apart:.0%} (medians of {len(targets)} targets); for "
+        f"and another is returned: it is off by {distance:.0%} (medians of {len(targets)} targets); for "
         f"{clearest.trial.description} the standard deviation of the position is {sigmas[0]:.3g} m in it, and "
         f"{sigmas[1]:.3g} m by the gains"
     )
@@ -128,34 +128,35 @@ def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
 
 
 def _own_covariances(of_sensors: Sequence[Sequence[Trial]]) -> list[OwnCovariance]:
-    """At each target that two sensors measure after the same scans."""
+    """Return the tracker's own covariance at each target that two sensors measure after the same scans."""
     columns_of: dict[tuple[str, tuple[str, ...]], list[tuple[Trial, Array]]] = {}
     for trials in of_sensors:
         for trial in trials:
-            columns = _by_gain(trial)
+            columns = _columns_by_gain(trial)
             if columns is not None:
                 columns_of.setdefault((trial.name, trial.sensor_set), []).append((trial, columns))
     targets = []
     for (trial, first), (_, second), *_ in (pair for pair in columns_of.values() if len(pair) > 1):
-        own = 0.5 * (first + second)
+        mean = 0.5 * (first + second)
         # Position and velocity count alike.
-        scale = np.repeat([np.linalg.norm(own[:2]), np.linalg.norm(own[2:])], 2)[:, None] + np.finfo(float).tiny
+        scale = np.repeat([np.linalg.norm(mean[:2]), np.linalg.norm(mean[2:])], 2)[:, None] + np.finfo(float).tiny
         returned = trial.prediction.covariance[:, :2] / scale
-        factor = float(np.sum(returned * own / scale) / max(np.sum(returned**2), np.finfo(float).tiny))
+        factor = float(np.sum(returned * mean / scale) / max(np.sum(returned**2), np.finfo(float).tiny))
         targets.append(
             OwnCovariance(
                 trial,
-                own,
-                float(np.linalg.norm((first - second) / scale) / np.linalg.norm(own / scale)),
-                float(np.linalg.norm(own / scale - factor * returned) / np.linalg.norm(own / scale)),
+                mean,
+                float(np.linalg.norm((first - second) / scale) / np.linalg.norm(mean / scale)),
+                float(np.linalg.norm(mean / scale - factor * returned) / np.linalg.norm(mean / scale)),
             )
         )
     return targets
 
 
-def _by_gain(trial: Trial) -> Array | None:
-    """``(4, 2)``; None where the position is not measured in two components, or no covariance is returned."""
-    # Where the returned one is too large, the model may seem curved.
+def _columns_by_gain(trial: Trial) -> Array | None:
+    """Return the columns ``P H^T`` of the position ``(4, 2)`` by a gain; None unless two components measure it."""
+    # A curved model counts too: where the returned covariance is too large, the model may only seem curved.
+
     update = trial.update(trial.predicted_measurement)
     if update is None or not update.used.any() or least_eigenvalue(trial.prediction.covariance) < 0.0:
         return None

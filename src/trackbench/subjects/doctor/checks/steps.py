@@ -1,6 +1,6 @@
-"""What a failed step means: the scans before it are given again, to fresh trackers.
+"""Failed steps, and what they mean: fresh trackers are given the scans before them again.
 
-A failed step is a finding, or the tracker is one of which nothing can be asked.
+A failed step is a finding, or shows that nothing can be asked of the tracker.
 """
 
 from __future__ import annotations
@@ -19,48 +19,48 @@ from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult,
 from trackbench.subjects.doctor.output_checks import (
     Make,
     fault_of_step,
-    indefinite,
+    first_indefinite_step,
     indefinite_entries,
 )
 from trackbench.subjects.doctor.session import FAR, MissGiven, StepFailed, TrackerSession, finite, plausible
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import TOO_LARGE
 
-#: In the messages of NumPy and SciPy, where there is no Cholesky factor.
+#: Words in the messages of NumPy and SciPy where there is no Cholesky factor.
 INDEFINITE = ("not positive definite",)
-#: In the messages of math, NumPy and SciPy, where a number is not finite or leads to one that is not.
+#: Words in the messages of math, NumPy and SciPy where a number is not finite or leads to one that is not.
 NOT_FINITE = ("math domain error", "infs or NaNs", "did not converge")
 
-#: Errors that numbers can bring about, and those that only the code can.
+#: Faults that numbers can bring about, and errors that only code can.
 OF_NUMBERS = ("covariance_not_psd", "exception_raised")
 OF_CODE = ("KeyError", "IndexError", "NameError", "UnboundLocalError", "AttributeError", "TypeError", "ImportError")
-#: Probes and drives in which the failures of one line are examined, those with the fewest scans.
+#: Largest number of probes and drives in which the failures of one line are examined, fewest scans first.
 TRIED = 6
-#: Probes and drives whose names are said.
+#: Largest number of probes and drives that are named.
 SHOWN = 4
 
 Failures = Sequence[tuple[str, StepFailed]]
-"""Each with the name of the probe, drive or check where it happened."""
+"""Failed steps, each with the name of the probe, drive or check where it happened."""
 
 
 Cause = tuple[str, str, str | None]
-"""A fault, the evidence and the sensor."""
+"""A fault, its evidence and its sensor."""
 
 
 class CannotRun(TrackbenchError):
-    """A tracker that cannot process one scan of any sensor, or gives no estimate at any."""
+    """Error of a tracker that cannot process one scan of any sensor, or gives no estimate at any scan."""
 
 
 def require_runnable(tracker: TrackerUnderTest) -> None:
     """Follow targets in general position with each sensor alone, until a scan is processed.
 
     Raises:
-        CannotRun: none is.
+        CannotRun: the tracker processes no scan of any sensor.
     """
     for probe in tracker.probes.general:
         for name in tracker.sensors:
             session = tracker.session_at(probe, (name,))
-            if session is not None or tracker.failures[-1][1].given:
+            if session is not None or tracker.failures[-1][1].earlier_scans:
                 return
             if tracker.failures[-1][1].fault.kind == "died":
                 raise CannotRun(_sentence(*tracker.failures[-1]))
@@ -102,16 +102,16 @@ def steps(tracker: TrackerUnderTest) -> PartResult:
 
 
 def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
-    """One finding for each fault, and for each line that raises for no known one.
+    """Return one finding for each fault, and one for each line that raises an error of no known fault.
 
     Args:
-        tracker: after all checks.
+        tracker: tracker under test, after all other checks.
     """
     groups: dict[tuple[str, str | None, bool], list[tuple[str, StepFailed]]] = {}
     driven = any(_overflows(failure) and _in_drive(tracker, where) for where, failure in tracker.failures)
     for where, failure in tracker.failures:
         if driven and _overflows(failure) and not _in_drive(tracker, where):
-            # The drive shows how the estimate goes astray.
+            # The drive shows better how the estimate diverges.
             continue
         # A copy fails before any scan.
         measured_then = bool(failure.scan.valid.any()) and not failure.fault.cause.startswith(NOT_COPIED)
@@ -121,39 +121,38 @@ def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
 
 
 def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
-    """Of failures with the same error at the same line, one for each fault that is behind them."""
+    """Yield a finding for each fault that is behind failures with the same error at the same line."""
     first: dict[str, StepFailed] = {}
     for where, failure in group:
         first.setdefault(where, failure)
-    # What goes before a failure tells more than a failure at the first scan, and the less of it, the clearer.
-    tried = sorted(first.items(), key=lambda one: (not one[1].given, len(one[1].given)))[:TRIED]
+    # The fewer scans go before a failure, the clearer it is; but a failure at the first scan tells least.
+    tried = sorted(first.items(), key=lambda item: (not item[1].earlier_scans, len(item[1].earlier_scans)))[:TRIED]
     sensors = {failure.scan.sensor for _, failure in group}
     only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None
     causes = {where: _cause(tracker, failure) for where, failure in tried}
     named: set[str] = set()
     for where, failure in tried:
         if _overflows(failure) and _in_drive(tracker, where):
-            fault, because, sensor = "too_far_off", "", None
+            fault, reason, sensor = "too_far_off", "", None
         else:
-            fault, because, sensor = causes[where] or (fault_of_error(failure), "", only)
-        known = circumstances(tracker.make, failure)
-        if _overflows(failure) and known is not None and (grown := _grown(known.before)) is not None:
-            fault, because = "covariance_unbelievable", grown
+            fault, reason, sensor = causes[where] or (fault_of_error(failure), "", only)
+        context = circumstances(tracker.make, failure)
+        if _overflows(failure) and context is not None and (grown := _diverged_covariance(context.before)) is not None:
+            fault, reason = "covariance_unbelievable", grown
         if fault in named:
             continue
         named.add(fault)
-        parts = [_sentence(where, failure), *(() if known is None else _replayed(failure, known)), because]
+        parts = [_sentence(where, failure), *(() if context is None else _replayed(failure, context)), reason]
         if len(group) > 1:
             places = list(first) if len(first) <= SHOWN else [*list(first)[:SHOWN], f"{len(first) - SHOWN} others"]
             parts.append(f"{len(group)} steps failed at that line, in {', '.join(places)}")
-        # A track that has diverged may fail for that alone.
-        confidence = 0.97 if known is None or known.before is None or plausible(known.before) else 0.85
+        # A track that has diverged may fail because of that alone.
+        confidence = 0.97 if context is None or context.before is None or plausible(context.before) else 0.85
         text = "; ".join(filter(None, parts))
         yield Finding(fault, confidence, text, sensor=sensor, shown_by=where)
 
 
-def _grown(before: Estimate | None) -> str | None:
-    """That it is the covariance that has diverged, and not the estimate."""
+def _diverged_covariance(before: Estimate | None) -> str | None:
     if before is None or not finite(before):
         return None
     (px, py, vx, vy), largest = before.mean, float(np.sqrt(np.abs(np.diag(before.covariance)).max()))
@@ -174,7 +173,7 @@ def _in_drive(tracker: TrackerUnderTest, where: str) -> bool:
 
 
 def fault_of_error(failure: StepFailed) -> str:
-    """By the error alone."""
+    """Return the fault that the error alone shows."""
     fault = failure.fault
     if fault.cause.startswith(NOT_COPIED):
         return "not_deterministic"
@@ -188,10 +187,10 @@ def fault_of_error(failure: StepFailed) -> str:
 
 
 def _cause(tracker: TrackerUnderTest, failure: StepFailed) -> Cause | None:
-    """What the same scans, given again, tell."""
+    """Return the fault that a repetition of the scans shows; None where it shows none."""
     if fault_of_error(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE):
         return None
-    step = indefinite(tracker.make, [*failure.given, failure.scan])
+    step = first_indefinite_step(tracker.make, [*failure.earlier_scans, failure.scan])
     if step is None:
         return None
     text = f"the covariance first is not positive definite {step.words}: {indefinite_entries(step)}"
@@ -199,18 +198,18 @@ def _cause(tracker: TrackerUnderTest, failure: StepFailed) -> Cause | None:
 
 
 class Circumstances(NamedTuple):
-    """What goes before a failed step."""
+    """Answers of a fresh tracker to the scans before a failed step, and to a missed measurement."""
 
     before: Estimate | None
-    """After the scan before."""
+    """Estimate after the scans before the failed step."""
     predicted: Estimate | None
-    """Predicted to the time of the scan, as for a missed measurement."""
+    """Estimate at a missed measurement at the time of the failed step."""
     missed_fails: bool | None
-    """Whether a missed measurement at that time fails as well; None where none may be given."""
+    """Whether the missed measurement fails as well; None where none may be given."""
 
 
 def circumstances(make: Make, failure: StepFailed) -> Circumstances | None:
-    """Give the scans before the failed step to a fresh tracker, and then a missed measurement.
+    """Give the scans before a failed step to a fresh tracker, and then a missed measurement; return its answers.
 
     None where that tells nothing, or the tracker fails at another scan this time.
     """
@@ -218,7 +217,7 @@ def circumstances(make: Make, failure: StepFailed) -> Circumstances | None:
         return None
     session, before = TrackerSession(make), None
     try:
-        for scan in failure.given:
+        for scan in failure.earlier_scans:
             before = session.step(scan)
     except StepFailed:
         return None
@@ -230,13 +229,12 @@ def circumstances(make: Make, failure: StepFailed) -> Circumstances | None:
         return Circumstances(before, None, True)
 
 
-def _replayed(failure: StepFailed, known: Circumstances) -> Iterator[str]:
-    if failure.scan.valid.any() and known.missed_fails is not None:
-        yield f"a missed measurement at that time {'breaks it too' if known.missed_fails else 'does not break it'}"
+def _replayed(failure: StepFailed, context: Circumstances) -> Iterator[str]:
+    if failure.scan.valid.any() and context.missed_fails is not None:
+        yield f"a missed measurement at that time {'breaks it too' if context.missed_fails else 'does not break it'}"
 
 
-def _measured(scan: Scan) -> str:
-    """The measurement in words."""
+def _describe_measurement(scan: Scan) -> str:
     if not scan.valid:
         return f"{scan.sensor} measures nothing"
     names = SENSOR_MODELS[scan.kind].components
@@ -248,5 +246,5 @@ def _sentence(where: str, failure: StepFailed) -> str:
     scan = failure.scan
     measurement = f"a measurement of {scan.sensor}" if scan.valid.any() else f"a missed measurement of {scan.sensor}"
     place = "" if failure.fault.place is None else f"{failure.fault.place}, "
-    values = f": {_measured(scan)}" if scan.valid.any() else ""
+    values = f": {_describe_measurement(scan)}" if scan.valid.any() else ""
     return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement}{values})"

@@ -19,50 +19,50 @@ from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.implied_noise import IN_DEGREES, NOISE_BAND
 from trackbench.subjects.doctor.findings import PROVEN, Finding
-from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, HeldAfter, OwnFilter, covariances_apart
+from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, HeldAfter, OwnFilter, covariance_difference
 from trackbench.subjects.doctor.inside.values import Assigned
 from trackbench.subjects.doctor.inside.written import last_values, same_matrix, wrong_entry
 from trackbench.subjects.doctor.matrices import best_multiple
 from trackbench.subjects.doctor.session import StepFailed
 
-#: Error of a gain relative to the right one from which on it is wrong: Jacobians that are taken elsewhere than at the
-#: mean, or cut off, have 0.03. Where the covariance is as wide as the tracker's own, sigma points differ.
+#: Least error of a gain, relative to the right one, that is a fault: with a narrow covariance, where Jacobians that are
+#: cut off or taken elsewhere have 0.03; and with one as wide as the tracker's own, where sigma points differ.
 WRONG, WRONG_WIDE = 0.1, 0.3
-#: Error of the covariance after a measurement, relative to its right change: correct filters have up to 0.005.
+#: Least error of the covariance after a measurement, relative to its right change; correct filters have up to 0.005.
 WRONG_AFTER = 0.08
-#: Error up to which a gain is that of another matrix.
+#: Largest error with which another matrix explains a gain.
 USED = 0.01
-#: Time after which a gain is held against that at once, s.
+#: Time after which a gain is compared with the gain at once, s.
 LATER = 0.5
-#: Change of a measurement for a derivative, and innovation that is none, in its standard deviations.
+#: Change of a measurement for a derivative, and largest innovation that counts as zero, in standard deviations.
 STEP, NONE = 0.1, 0.01
-#: Share of the largest gain that is none, and share of a change by a measurement below which it is lost.
+#: Gain that counts as zero, relative to the largest; and share of a change by a measurement below which it is lost.
 NO_GAIN, LOST = 1e-6, 0.5
-#: Ratio of a noise to the stated one up to which a larger one does no harm where the drives show none.
+#: Largest ratio of a noise to the stated one that is no fault where the drives show no harm.
 CAUTIOUS = 3.0
-#: Difference of the logarithm of a factor from that of a unit which is none.
+#: Largest error of the logarithm of a factor that a confusion of units explains.
 NEAR = 0.1
-#: A factor of the gain that is a tuning.
+#: Largest factor of the gain, either way, that is a tuning.
 TUNING = 1.4
-#: How often a noise may be added.
+#: Numbers of times that a noise may be added by mistake.
 TIMES_ADDED = (2, 3)
 
 
 class UpdateAnswers(NamedTuple):
-    """Changes of a belief by measurements near the predicted one, m components of which change the estimate."""
+    """Changes of a belief by measurements near the predicted one; m components of a measurement change the estimate."""
 
     covariance: Array
-    """``(n, n)`` P, predicted."""
+    """Predicted covariance P ``(n, n)``."""
     after: tuple[Array, Array]
-    """``(n, n)`` held an instant after the predicted measurement; second, less the growth over that instant."""
+    """Covariances ``(n, n)`` held an instant after the predicted measurement; the second without the growth since."""
     gain: Array
-    """``(n, m)`` derivative of the mean that is held an instant after a measurement by it."""
+    """Derivative ``(n, m)`` of the mean held an instant after a measurement, by the measurement."""
     jacobian: Array
-    """``(m, n)`` H, right."""
+    """Right Jacobian H ``(m, n)``."""
     noise: Array
-    """``(m, m)`` R, stated."""
+    """Stated noise covariance R ``(m, m)``."""
     kept: dict[str, float]
-    """Shares of the changes of the returned mean and covariance that are left an instant later."""
+    """Shares of the changes of the returned mean and covariance that are left an instant later, by name."""
     whole: bool
     """Whether all components of a measurement move the estimate."""
     assigned: Sequence[Assigned]
@@ -75,35 +75,36 @@ class UpdateAnswers(NamedTuple):
         p = self.covariance if covariance is None else covariance
         return np.asarray(np.linalg.solve(h @ p @ h.T + r, h @ p).T)
 
-    def apart(self, gain: Array) -> float:
-        """Return the largest difference of a gain from the applied one, relative to the largest entry of that."""
+    def gain_error(self, gain: Array) -> float:
+        """Return the largest difference of a gain from the applied one, relative to the applied one's largest entry."""
         scale = np.sqrt(np.diag(self.noise)) / np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))[:, None]
         return float(np.abs((gain - self.gain) * scale).max() / np.abs(self.gain * scale).max())
 
 
-def update_finding(own: OwnFilter, scan: Scan) -> tuple[Finding | None, bool]:
-    """Return what is wrong with the updates by a sensor, and whether its gains are right."""
+def update_finding(held: OwnFilter, scan: Scan) -> tuple[Finding | None, bool]:
+    """Return the fault of a sensor's updates, or None, and whether the sensor's gains are right."""
     with suppress(StepFailed):
-        narrow, wide = (_answers(own, scan, share * own.covariance) for share in (NARROW, 1.0))
+        narrow, wide = (_answers(held, scan, share * held.covariance) for share in (NARROW, 1.0))
         if narrow is not None and wide is not None:
             finding = _not_kept(scan.sensor, wide)
             if finding is not None or not np.abs(narrow.gain).max() > 0.0:
                 return finding, False
-            is_right = narrow.apart(narrow.right_gain()) < WRONG and wide.apart(wide.right_gain()) < WRONG_WIDE
+            is_right = narrow.gain_error(narrow.right_gain()) < WRONG
+            is_right = is_right and wide.gain_error(wide.right_gain()) < WRONG_WIDE
             if is_right:
-                finding = _of_covariance(scan.sensor, wide) or _not_redrawn(own, scan)
+                finding = _covariance_fault(scan.sensor, wide) or _not_redrawn(held, scan)
             else:
-                finding = _of_gain(scan.sensor, scan.kind, narrow, wide)
+                finding = _gain_fault(scan.sensor, scan.kind, narrow, wide)
             return finding, is_right and finding is None
     return None, False
 
 
-def _answers(own: OwnFilter, scan: Scan, covariance: Array, after_s: float = INSTANT) -> UpdateAnswers | None:
-    """Return the answers to measurements of a sensor after a time; None where the predicted one has an innovation."""
-    scan = scan._replace(time=own.time + after_s)
+def _answers(held: OwnFilter, scan: Scan, covariance: Array, after_s: float = INSTANT) -> UpdateAnswers | None:
+    """Return the answers to a sensor's measurements after a time; None where the predicted one has an innovation."""
+    scan = scan._replace(time=held.time + after_s)
     missed, later = empty_scan(scan), empty_scan(scan._replace(time=scan.time + INSTANT))
-    before, outputs = own.after(missed, covariance=covariance), own.outputs(missed)
-    unmeasured = own.after(missed, later, covariance=covariance)
+    before, outputs = held.after(missed, covariance=covariance), held.outputs(missed)
+    unmeasured = held.after(missed, later, covariance=covariance)
     if before is None or before.estimate is None or outputs is None:
         return None
     if unmeasured is None or unmeasured.estimate is None:
@@ -112,25 +113,25 @@ def _answers(own: OwnFilter, scan: Scan, covariance: Array, after_s: float = INS
     expected, sigma = model.measure(*where), np.sqrt(np.diag(scan.noise_covariance))
 
     def answer(measurement: Array, *then: Scan, trace: bool = False) -> HeldAfter | None:
-        return own.after(scan._replace(measurement=measurement), *then, covariance=covariance, trace=trace)
+        return held.after(scan._replace(measurement=measurement), *then, covariance=covariance, trace=trace)
 
     centre = answer(expected, later, trace=True)
     sides = [[answer(expected + side * step, later) for side in (1, -1)] for step in np.diag(STEP * sigma)]
-    gain = _gain(sides, lambda one: one.mean)
-    returned = _gain(sides, lambda one: None if one.at_once is None else one.at_once.mean)
-    left = _gain(sides, lambda one: None if one.estimate is None else one.estimate.mean)
-    if gain is None or returned is None or left is None or centre is None:
+    gain = _derivative(sides, lambda after: after.mean)
+    returned = _derivative(sides, lambda after: None if after.first_estimate is None else after.first_estimate.mean)
+    remaining = _derivative(sides, lambda after: None if after.estimate is None else after.estimate.mean)
+    if gain is None or returned is None or remaining is None or centre is None:
         return None
-    if centre.at_once is None or centre.estimate is None:
+    if centre.first_estimate is None or centre.estimate is None:
         return None
     size = np.abs(returned).max(axis=0)
     used = size > NO_GAIN * size.max()
-    # What is predicted otherwise than measured has another name.
-    if not used.any() or np.abs(centre.at_once.mean - before.estimate.mean).max() > NONE * size.max():
+    # A wrong predicted measurement is another fault.
+    if not used.any() or np.abs(centre.first_estimate.mean - before.estimate.mean).max() > NONE * size.max():
         return None
     sigma_before = np.sqrt(np.diag(before.estimate.covariance))
-    pairs = ((before.estimate, centre.at_once), (unmeasured.estimate, centre.estimate))
-    changes = [(one.covariance - other.covariance) / np.outer(sigma_before, sigma_before) for one, other in pairs]
+    pairs = ((before.estimate, centre.first_estimate), (unmeasured.estimate, centre.estimate))
+    changes = [(p.covariance - q.covariance) / np.outer(sigma_before, sigma_before) for p, q in pairs]
     return UpdateAnswers(
         linalg.symmetrise(before.covariance),
         (
@@ -140,26 +141,27 @@ def _answers(own: OwnFilter, scan: Scan, covariance: Array, after_s: float = INS
         (gain / sigma)[:, used],
         (model.jacobian(*where) @ outputs)[used],
         scan.noise_covariance[np.ix_(used, used)],
-        {"mean": _share(returned, left), "covariance": _share(*changes)},
+        {"mean": _remaining_share(returned, remaining), "covariance": _remaining_share(*changes)},
         bool(used.all()),
         centre.assigned,
     )
 
 
-def _gain(sides: Sequence[Sequence[HeldAfter | None]], of: Callable[[HeldAfter], Array | None]) -> Array | None:
-    """Return the derivative of something by a measurement in its standard deviations; None where it is not there."""
+def _derivative(
+    sides: Sequence[Sequence[HeldAfter | None]], function: Callable[[HeldAfter], Array | None]
+) -> Array | None:
+    """Return a function's derivative by a measurement in its standard deviations; None where it has no value."""
     columns = []
     for ahead, behind in sides:
-        values = [None if side is None else of(side) for side in (ahead, behind)]
+        values = [None if side is None else function(side) for side in (ahead, behind)]
         if values[0] is None or values[1] is None:
             return None
         columns.append((values[0] - values[1]) / (2 * STEP))
     return np.stack(columns, axis=1)
 
 
-def _share(change: Array, left: Array) -> float:
-    """Return how much of a change is left; 1 where there is none."""
-    return best_multiple(left, change) if np.any(change) else 1.0
+def _remaining_share(change: Array, remaining: Array) -> float:
+    return best_multiple(remaining, change) if np.any(change) else 1.0
 
 
 def _not_kept(sensor: str, wide: UpdateAnswers) -> Finding | None:
@@ -171,47 +173,48 @@ def _not_kept(sensor: str, wide: UpdateAnswers) -> Finding | None:
     return Finding("update_not_kept", 0.96, text, sensor=sensor)
 
 
-def _of_gain(sensor: str, kind: str, narrow: UpdateAnswers, wide: UpdateAnswers) -> Finding | None:
-    """Report a gain that does not follow from the covariance that is held."""
+def _gain_fault(sensor: str, kind: str, narrow: UpdateAnswers, wide: UpdateAnswers) -> Finding | None:
     if not narrow.whole:
-        # A component may be left out on purpose, and one that is not has another name.
+        # A component may be left out on purpose; otherwise that is another fault.
         return None
-    for at in last_values(narrow.assigned, narrow.jacobian.shape):
-        if narrow.apart(narrow.right_gain(jacobian=at.value)) < USED and not same_matrix(at.value, narrow.jacobian):
-            return wrong_entry(narrow.assigned, at, narrow.jacobian, sensor, f"differences of what {sensor} measures")
+    for matrix in last_values(narrow.assigned, narrow.jacobian.shape):
+        explained = narrow.gain_error(narrow.right_gain(jacobian=matrix.value)) < USED
+        if explained and not same_matrix(matrix.value, narrow.jacobian):
+            by = f"differences of what {sensor} measures"
+            return wrong_entry(narrow.assigned, matrix, narrow.jacobian, sensor, by)
 
-    # A noise does not depend on the covariance, as an innovation covariance does.
-    of_wide = {(at.file, at.name): at.value for at in last_values(wide.assigned, narrow.noise.shape)}
+    # A noise does not depend on the covariance; an innovation covariance does.
+    wide_values = {(entry.file, entry.name): entry.value for entry in last_values(wide.assigned, narrow.noise.shape)}
     noises = [
-        at
-        for at in last_values(narrow.assigned, narrow.noise.shape)
-        if (at.file, at.name) in of_wide and same_matrix(of_wide[at.file, at.name], at.value)
+        entry
+        for entry in last_values(narrow.assigned, narrow.noise.shape)
+        if (key := (entry.file, entry.name)) in wide_values and same_matrix(wide_values[key], entry.value)
     ]
-    is_stated = any(same_matrix(at.value, narrow.noise) for at in noises)
-    for at in noises:
-        errors = [answers.apart(answers.right_gain(noise=at.value)) for answers in (narrow, wide)]
-        if max(errors) < USED and not same_matrix(at.value, narrow.noise):
-            return _of_own_noise(sensor, kind, at, narrow.noise)
+    is_stated = any(same_matrix(entry.value, narrow.noise) for entry in noises)
+    for entry in noises:
+        errors = [answers.gain_error(answers.right_gain(noise=entry.value)) for answers in (narrow, wide)]
+        if max(errors) < USED and not same_matrix(entry.value, narrow.noise):
+            return _written_noise_fault(sensor, kind, entry, narrow.noise)
     right = narrow.right_gain()
     factor = best_multiple(narrow.gain, right)
-    if narrow.apart(factor * right) < USED and abs(np.log(max(factor, 1e-9))) > np.log(TUNING):
+    if narrow.gain_error(factor * right) < USED and abs(np.log(max(factor, 1e-9))) > np.log(TUNING):
         # The covariance after an update with the best gain for some noise is (I - K H) P.
         best = narrow.covariance - narrow.gain @ narrow.jacobian @ narrow.covariance
         is_noise = _covariance_error(narrow, best) < WRONG
-        return _of_multiple(sensor, factor, is_noise=is_noise, is_stated=is_stated)
-    if narrow.apart(wide.gain) < USED and covariances_apart(narrow.covariance, wide.covariance) > LOST:
+        return _multiple_gain_finding(sensor, factor, is_noise=is_noise, is_stated=is_stated)
+    if narrow.gain_error(wide.gain) < USED and covariance_difference(narrow.covariance, wide.covariance) > LOST:
         text = f"the gain of {sensor} is the same for a covariance that is {1 / NARROW:g} times smaller"
         return Finding("gain_inconsistent", 0.96, text, sensor=sensor)
-    if narrow.apart(right) < WRONG:
-        off = wide.apart(wide.right_gain())
-        text = f"the gain of {sensor} is off by {off:.0%} from that of the covariance that is kept"
+    if narrow.gain_error(right) < WRONG:
+        error = wide.gain_error(wide.right_gain())
+        text = f"the gain of {sensor} is off by {error:.0%} from that of the covariance that is kept"
         return Finding("gain_inconsistent", 0.94, text, sensor=sensor)
     return None
 
 
-def _of_own_noise(sensor: str, kind: str, at: Assigned, stated: Array) -> Finding | None:
-    """Report that a line has another noise than the stated one."""
-    own, ratios = np.sqrt(np.diag(at.value)), np.diag(at.value) / np.diag(stated)
+def _written_noise_fault(sensor: str, kind: str, noise: Assigned, stated: Array) -> Finding | None:
+    """Report a noise in a line of the tracker that is not the stated one."""
+    sigmas, ratios = np.sqrt(np.diag(noise.value)), np.diag(noise.value) / np.diag(stated)
     if np.abs(np.log(ratios)).max() < np.log(NOISE_BAND):
         return None
     fault = "r_too_large" if ratios.max() > 1.0 / ratios.min() else "r_too_small"
@@ -220,19 +223,19 @@ def _of_own_noise(sensor: str, kind: str, at: Assigned, stated: Array) -> Findin
         if any(abs(np.log(ratios[i] / exact)) < NEAR for exact in IN_DEGREES):
             fault, factor = "degrees_for_radians", float(ratios[i])
     text = (
-        f"{at.where}: {at.name} has the standard deviations {', '.join(f'{value:.3g}' for value in own)}, and {sensor} "
-        f"states {', '.join(f'{value:.3g}' for value in np.sqrt(np.diag(stated)))}"
+        f"{noise.where}: {noise.name} has the standard deviations {', '.join(f'{value:.3g}' for value in sigmas)}, and "
+        f"{sensor} states {', '.join(f'{value:.3g}' for value in np.sqrt(np.diag(stated)))}"
     )
-    return _of_size(text, fault, sensor, factor)
+    return _noise_finding(text, fault, sensor, factor)
 
 
-def _of_size(text: str, fault: str, sensor: str, factor: float) -> Finding:
-    """Report a noise that is wrong by a factor; one that is somewhat larger than stated does no harm."""
+def _noise_finding(text: str, fault: str, sensor: str, factor: float) -> Finding:
+    """Report a noise that is wrong by a factor; one that is only somewhat too large is less certain to be a fault."""
     confidence = 0.9 if fault == "r_too_large" and factor < CAUTIOUS else PROVEN
     return Finding(fault, confidence, text, sensor=sensor, factor=factor)
 
 
-def _of_multiple(sensor: str, factor: float, *, is_noise: bool, is_stated: bool) -> Finding:
+def _multiple_gain_finding(sensor: str, factor: float, *, is_noise: bool, is_stated: bool) -> Finding:
     """Report a multiple of the right gain, or the gain for a multiple of the stated noise."""
     text = f"measurements of {sensor} move the mean by {factor:.4g} times the gain of the covariance that is kept"
     if not is_noise:
@@ -243,11 +246,10 @@ def _of_multiple(sensor: str, factor: float, *, is_noise: bool, is_stated: bool)
         text = f"a line has the R that {sensor} states, and the gains are those of {count} times it: R is added "
         return Finding(fault, PROVEN, f"{text}{count} times", sensor=sensor, factor=float(count))
     text = f"the gains of {sensor} are those of {times:.4g} times the variances that it states"
-    return _of_size(text, fault, sensor, times)
+    return _noise_finding(text, fault, sensor, times)
 
 
-def _of_covariance(sensor: str, wide: UpdateAnswers) -> Finding | None:
-    """Report a covariance after a measurement that does not follow from the gain."""
+def _covariance_fault(sensor: str, wide: UpdateAnswers) -> Finding | None:
     error = _covariance_error(wide, _joseph(wide))
     if error < WRONG_AFTER:
         return None
@@ -259,23 +261,24 @@ def _of_covariance(sensor: str, wide: UpdateAnswers) -> Finding | None:
 
 
 def _covariance_error(answers: UpdateAnswers, right: Array) -> float:
-    """Return the difference of the covariance after a measurement from another, relative to the change to that."""
+    """Return the error of the covariance after a measurement, relative to the right change by the measurement."""
     spread = np.sqrt(np.outer(np.diag(answers.covariance), np.diag(answers.covariance)))
     change = float(np.abs((right - answers.covariance) / spread).max())
-    # A memory may fade on purpose.
+    # A filter with a fading memory adds to the covariance on purpose.
     faded = [max(1.0, best_multiple(after, right)) * right for after in answers.after]
-    off = [np.abs((one - after) / spread).max() for one, after in zip(faded, answers.after, strict=True)]
-    return float(min(off)) / change if change > 0.0 else 0.0
+    errors = [np.abs((expected - after) / spread).max() for expected, after in zip(faded, answers.after, strict=True)]
+    return float(min(errors)) / change if change > 0.0 else 0.0
 
 
-def _not_redrawn(own: OwnFilter, scan: Scan) -> Finding | None:
-    """Report a gain that is right at once, and after a time leaves out the process noise."""
-    exact, narrow = np.finfo(float).eps * own.covariance, NARROW * own.covariance
-    noise = own.after(empty_scan(scan._replace(time=own.time + LATER)), covariance=exact)
-    answers = _answers(own, scan, narrow, LATER)
-    if noise is None or answers is None or answers.apart(answers.right_gain()) < WRONG:
+def _not_redrawn(held: OwnFilter, scan: Scan) -> Finding | None:
+    """Report a gain that is right at once, and leaves out the process noise of a longer prediction."""
+    exact, narrow = np.finfo(float).eps * held.covariance, NARROW * held.covariance
+    noise = held.after(empty_scan(scan._replace(time=held.time + LATER)), covariance=exact)
+    answers = _answers(held, scan, narrow, LATER)
+    if noise is None or answers is None or answers.gain_error(answers.right_gain()) < WRONG:
         return None
-    if answers.apart(answers.right_gain(covariance=answers.covariance - linalg.symmetrise(noise.covariance))) > WRONG:
+    without_noise = answers.covariance - linalg.symmetrise(noise.covariance)
+    if answers.gain_error(answers.right_gain(covariance=without_noise)) > WRONG:
         return None
     text = (
         f"{LATER:g} s after a measurement the gain of {scan.sensor} is that of a predicted covariance without the "
@@ -285,5 +288,5 @@ def _not_redrawn(own: OwnFilter, scan: Scan) -> Finding | None:
 
 
 def _joseph(answers: UpdateAnswers) -> Array:
-    left = np.eye(len(answers.gain)) - answers.gain @ answers.jacobian
-    return np.asarray(left @ answers.covariance @ left.T + answers.gain @ answers.noise @ answers.gain.T)
+    factor = np.eye(len(answers.gain)) - answers.gain @ answers.jacobian
+    return np.asarray(factor @ answers.covariance @ factor.T + answers.gain @ answers.noise @ answers.gain.T)

@@ -11,9 +11,9 @@ from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult,
 from trackbench.subjects.doctor.output_checks import (
     ROUNDING,
     WorstCase,
-    asymmetric,
     fault_of_step,
-    indefinite,
+    first_asymmetric_step,
+    first_indefinite_step,
     indefinite_entries,
     mirrored_entries,
 )
@@ -21,14 +21,15 @@ from trackbench.subjects.doctor.probes import Probe, with_measurement_noise
 from trackbench.subjects.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-#: Deviation of a tracker that draws random numbers from its own mean, in standard deviations of its estimate: of a mean
-#: of N samples it is N^-1/2, so that this is 4 samples, or that chance adds a quarter to the variance of the error.
+#: Largest deviation of a tracker with random numbers from its own mean, in standard deviations of its estimate. A mean
+#: of N samples has N^-1/2: this is 4 samples, and adds a quarter to the variance of the error.
 SAMPLES = 0.5
-#: Scans within which a track starts.
+#: Number of scans within which a track starts.
 STARTED = 4
 #: Share of indefinite covariances below which they are probably the consequence of another fault.
 SELDOM = 0.02
-#: Share below which they are no fault: sigma points started from two measurements close together lose one at times.
+#: Share of indefinite covariances below which they are no fault: sigma points started from two measurements close
+#: together have one at times.
 RARE = 1e-3
 
 
@@ -83,7 +84,7 @@ RARE = 1e-3
     },
 )
 def validity(tracker: TrackerUnderTest) -> PartResult:
-    """Report the checks of all estimates of the examination; add those of a target at rest."""
+    """Check all estimates of the examination, and those of a target at rest."""
     for sensor_set in tracker.sensor_sets():
         tracker.session_at(tracker.probes.at_rest, sensor_set)
     for name in tracker.sensors:
@@ -98,9 +99,9 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
     result.add("finite", bad is None, text)
     if bad is not None:
         text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
-        # A track that has diverged may overflow for that alone.
+        # A track that has diverged may overflow because of that alone.
         session, before, after = TrackerSession(tracker.make), None, None
-        for scan in bad.given():
+        for scan in bad.scans():
             before, after = after, session.step(scan)
         confidence = 0.98 if before is None or plausible(before) else 0.85
         result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where))
@@ -116,7 +117,7 @@ def _symmetric(tracker: TrackerUnderTest, result: PartResult) -> None:
         return
     text = f"mirrored entries differ by up to {worst.size:.2g} of their standard deviations{_at(worst)}"
     if worst.size >= ROUNDING:
-        step = asymmetric(tracker.make, worst.given())
+        step = first_asymmetric_step(tracker.make, worst.scans())
         fault = fault_of_step("covariance_asymmetric", step)
         evidence = text if step is None else f"{text}; it arises {step.words}: {mirrored_entries(step)}"
         finding = Finding(fault, 0.95, evidence, shown_by=worst.where)
@@ -135,7 +136,7 @@ def _definite(tracker: TrackerUnderTest, result: PartResult) -> None:
         f"eigenvalue is {-worst.size:.2g}{_at(worst)}"
     )
     if share >= RARE:
-        step = indefinite(tracker.make, worst.given())
+        step = first_indefinite_step(tracker.make, worst.scans())
         fault = fault_of_step("covariance_not_psd", step)
         evidence = text if step is None else f"{text}; it arises {step.words}: {indefinite_entries(step)}"
         diverged = step is not None and step.before is not None and np.abs(np.diag(step.before)).max() > FAR**2
@@ -157,18 +158,18 @@ def _measure_at_once(tracker: TrackerUnderTest, probe: Probe, first: str) -> Non
                 break
         for name, sensor in tracker.sensors.items():
             scan = probe.scan(name, sensor, 0.1 * k)
-            tracker.output_checks.add(session.copy().step(scan), scan, probe.name, [*session.given, scan])
+            tracker.output_checks.add(session.copy().step(scan), scan, probe.name, [*session.scans, scan])
 
 
 def _sigma(estimate: Estimate) -> Array:
     return np.asarray(np.sqrt(np.abs(np.diag(estimate.covariance))))
 
 
-def _noise(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
-    """RMS deviation of the runs from their mean, in standard deviations: the median over the scans, since few samples
-    carry the weight of the first measurements."""
-    apart = (np.array(runs) - np.mean(runs, axis=0)) / np.array(sigmas)
-    squares = np.mean(apart**2, axis=(0, 2)) * len(runs) / (len(runs) - 1)
+def _sampling_deviation(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
+    """Return the RMS deviation of the runs from their mean, in standard deviations: the median over the scans."""
+    deviation = (np.array(runs) - np.mean(runs, axis=0)) / np.array(sigmas)
+    squares = np.mean(deviation**2, axis=(0, 2)) * len(runs) / (len(runs) - 1)
+    # A median, since few samples carry the weight of the first measurements.
     return float(np.sqrt(np.nanmedian(squares)))
 
 
@@ -200,18 +201,19 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
         for _ in range(3):
             session = TrackerSession(tracker.make)
             estimates = session.follow(scans)
-            runs.append(np.array([np.full(4, np.nan) if estimate is None else estimate.mean for estimate in estimates]))
-            sigmas.append(np.array([np.full(4, np.nan) if one is None else _sigma(one) for one in estimates]))
+            nothing = np.full(4, np.nan)
+            runs.append(np.array([nothing if estimate is None else estimate.mean for estimate in estimates]))
+            sigmas.append(np.array([nothing if estimate is None else _sigma(estimate) for estimate in estimates]))
     except StepFailed as failure:
         tracker.failures.append((probe.name, failure))
         return PartResult().add("repeatable", None, f"the tracker failed: {failure}")
-    copied = _copied(session)
+    copied = _note_on_copies(session)
     gap = max(float(np.nanmax(np.abs(runs[0] - run), initial=0.0)) for run in runs[1:])
     if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
         return PartResult().add("repeatable", True, f"three fresh trackers agree to the last bit{copied}")
     text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements{copied}"
     if tracker.random:
-        noise = _noise(runs, sigmas)
+        noise = _sampling_deviation(runs, sigmas)
         text += f", {noise:.2g} of their standard deviations in the median; they are said to draw random numbers"
         if noise < SAMPLES:
             return PartResult().add("repeatable", True, text)
@@ -219,10 +221,10 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
     return PartResult().add("repeatable", False, text, finding)
 
 
-def _copied(session: TrackerSession) -> str:
-    """What is to be said of its copies: nothing where ``copy.deepcopy`` makes them."""
+def _note_on_copies(session: TrackerSession) -> str:
+    """Return a note on the copies of a session; an empty one where ``copy.deepcopy`` makes them."""
     try:
-        why = session.copy().not_copied
+        reason = session.copy().not_copied
     except StepFailed as failure:
         return f"; {failure}: no measurement can be tried on it"
-    return "" if why is None else f"; copy.deepcopy cannot copy it ({why}): fresh ones are given all scans again"
+    return "" if reason is None else f"; copy.deepcopy cannot copy it ({reason}): fresh ones are given all scans again"

@@ -1,8 +1,8 @@
 """Is every angle wrapped where it passes pi?
 
 If the target, the prediction and the measurement are turned about the sensor, the estimate must turn with them. It does
-not where an angle at pi is not wrapped. So updates of a target near the axis are held against those of the same target
-turned away.
+not where an angle at pi is not wrapped. So updates of a target near the axis are compared with updates of the same
+target turned away.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.inside.values import traced
+from trackbench.subjects.doctor.inside.values import trace_step
 from trackbench.subjects.doctor.probes import MOUNTED_TURN, Probe, rotation, turned_mounting
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -28,31 +28,31 @@ FAR = 3.0
 #: The gain counts as lost where the difference is more than the share `LOST` of the turned target's update, if that is
 #: more than `CLEAR` standard deviations.
 LOST, CLEAR = 0.5, 0.6
-#: Difference of logarithms below which two variances count as equal.
+#: Difference of the logarithms of two variances below which they count as equal.
 EQUAL = 0.2
 PARTS = (slice(0, 2), slice(2, 4))
-#: Error of a turned target's position from which on nothing is compared with it, m.
+#: Largest position error of a turned target with which updates are compared, m.
 NEAR = 1.0
 #: Difference of two covariances after an update that rounding does not explain, relative to the predicted variances.
 SPREAD = 1e-3
-#: Measurements tried beside the predicted one, standard deviations.
+#: Measurements tried beside the predicted one, in standard deviations.
 SIDES = (-2.0, 2.0)
-#: Standard deviations of the predicted azimuth within which all sigma points lie; those of the measurement by which it
-#: is beyond pi, where a prediction is so far from it.
+#: Standard deviations of the predicted azimuth within which all sigma points lie; and distance of the measurement
+#: beyond pi, in its standard deviations, where a prediction is that far before pi.
 SPREAD_OVER, BEYOND = 5.0, 2.0
 #: Angle by which the target is turned, rad: no angle is near pi then.
 TURN = -1.2
-#: Difference of angles that is rounding, rad.
+#: Difference of angles that is only rounding, rad.
 ROUNDED = 1e-6
-#: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
+#: Largest angle from pi of the targets that are tried, rad; targets at the sites of other sensors are farther.
 NEAR_PI = 0.02
 
 
 class Jump(NamedTuple):
-    """An update that is not turned with the target."""
+    """An update that does not turn with the target."""
 
     size: float
-    """Of the difference, in standard deviations of the prediction."""
+    """Difference from the turned target's update, in standard deviations of the prediction."""
     text: str
     sensor: str
     probe: Probe
@@ -61,10 +61,9 @@ class Jump(NamedTuple):
     without_innovation: bool = False
     """Whether the update by the predicted measurement differs too."""
     line: str = ""
-    """Where the tracker's code has the difference that is not wrapped."""
+    """Line of the tracker's code with the difference that is not wrapped; empty where it is not found."""
     confirmed: bool = False
-    """Whether the update is right where the same target is seen by a sensor mounted at another yaw, or by a measurement
-    before pi."""
+    """Whether the update is right with a sensor mounted at another yaw, or with a measurement before pi."""
 
 
 @doctor_check(
@@ -116,7 +115,7 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
 def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> Finding:
     of_mean = any(jump.without_innovation for jump in jumps) and not any(jump.measured for jump in jumps)
     if of_mean:
-        # Uncertain predictions beside pi have azimuths on both sides: an update may jump for the measurement alone.
+        # Uncertain predictions beside pi have azimuths on both sides: the measurement alone may also make a jump.
         wider = (_beyond_pi(tracker, worst.probe, worst.sensor, sensor_set) for sensor_set in tracker.sensor_sets())
         far = next((jump for jump in wider if jump is not None and jump.measured and jump.size >= FAR), None)
         of_mean, worst = far is None, far or worst
@@ -130,45 +129,45 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
 
 
 def _jumps_of(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> list[Jump]:
-    """The updates beside the target, each compared with that of the turned target."""
-    away = probe.turned(TURN, tracker.sensors[name])
-    here, turned = tracker.trial(probe, name, sensor_set), tracker.trial(away, name, sensor_set)
-    # Where the other update is wrong, the two differ for another reason.
-    if here is None or turned is None or not (here.usable and _right(turned, away)):
+    """Return the updates beside the target, each compared with the update of the turned target."""
+    turned_probe = probe.turned(TURN, tracker.sensors[name])
+    at_pi, turned = tracker.trial(probe, name, sensor_set), tracker.trial(turned_probe, name, sensor_set)
+    # Where the turned target's update is wrong, the two differ for another reason.
+    if at_pi is None or turned is None or not (at_pi.usable and _is_right(turned, turned_probe)):
         return []
-    found = [jump for side in SIDES if (jump := _jump(here, turned, rotation(-TURN), side, probe)) is not None]
-    if all(jump.size < FAR for jump in found):
-        return found
+    jumps = [jump for side in SIDES if (jump := _jump(at_pi, turned, rotation(-TURN), side, probe)) is not None]
+    if all(jump.size < FAR for jump in jumps):
+        return jumps
     mounted = _mounted(tracker, probe, name, sensor_set)
-    if mounted is None or not _right(mounted, probe):
-        return found
-    moved = _moved(here, mounted)
-    again = [_jump(here, mounted, np.eye(2), side, probe) for side in SIDES]
+    if mounted is None or not _is_right(mounted, probe):
+        return jumps
+    depends = _covariance_depends_on_mounting(at_pi, mounted)
+    mounted_jumps = [_jump(at_pi, mounted, np.eye(2), side, probe) for side in SIDES]
     return [
-        jump._replace(measured=jump.measured and not moved, without_innovation=moved, confirmed=True)
-        for jump in again
+        jump._replace(measured=jump.measured and not depends, without_innovation=depends, confirmed=True)
+        for jump in mounted_jumps
         if jump is not None
     ]
 
 
 def _beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Jump | None:
-    """The update by a measurement beyond pi, of the target turned so far that all of its own azimuths are before it."""
+    """Return the update by a measurement beyond pi, with the target turned until its own azimuths are before pi."""
     trial, sensor = tracker.trial(probe, name, sensor_set), tracker.sensors[name]
     if trial is None or not trial.usable:
         return None
     row, side = trial.jacobian[1], np.sign(trial.predicted_measurement[1])
     margin = SPREAD_OVER * float(np.sqrt(row @ trial.prediction.covariance @ row))
     before = probe.turned(-side * margin, sensor)
-    away = before.turned(TURN, sensor)
-    here, turned = tracker.trial(before, name, sensor_set), tracker.trial(away, name, sensor_set)
-    if here is None or turned is None or not (_right(here, before) and _right(turned, away)):
+    turned_probe = before.turned(TURN, sensor)
+    before_pi, turned = tracker.trial(before, name, sensor_set), tracker.trial(turned_probe, name, sensor_set)
+    if before_pi is None or turned is None or not (_is_right(before_pi, before) and _is_right(turned, turned_probe)):
         return None
-    jump = _jump(here, turned, rotation(-TURN), side * (margin / trial.sigma[1] + BEYOND), probe)
+    jump = _jump(before_pi, turned, rotation(-TURN), side * (margin / trial.sigma[1] + BEYOND), probe)
     return None if jump is None else jump._replace(confirmed=True)
 
 
 def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
-    """The same target, seen by sensors that are mounted at another yaw: away from pi."""
+    """Return a trial of the same target by sensors mounted at another yaw, away from pi; None where a step fails."""
     turned = [turned_mounting(scan, MOUNTED_TURN) for scan in tracker.approach(probe, sensor_set)]
     try:
         session = TrackerSession.after(tracker.make, turned)
@@ -179,8 +178,8 @@ def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tup
     return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
 
 
-def _right(trial: Trial, probe: Probe) -> bool:
-    """Whether the estimate is at the target, and the predicted azimuth has no innovation."""
+def _is_right(trial: Trial, probe: Probe) -> bool:
+    """Return whether the estimate is at the target, and the predicted azimuth has no innovation."""
     if not trial.usable or np.hypot(*(trial.prediction.mean - probe.truth(0.0))[:2]) > NEAR:
         return False
     update = trial.update(trial.predicted_measurement)
@@ -188,60 +187,59 @@ def _right(trial: Trial, probe: Probe) -> bool:
     return update is not None and bool(np.all(np.nan_to_num(np.abs(update.innovation[angular])) < ZERO))
 
 
-def _jump(here: Trial, turned: Trial, back: Array, side: float, probe: Probe) -> Jump | None:
-    """``back`` ``(2, 2)`` turns positions and velocities of the turned target back."""
-    change, other = _change(here, side), _change(turned, side)
-    if change is None or other is None:
+def _jump(trial: Trial, turned: Trial, back: Array, side: float, probe: Probe) -> Jump | None:
+    """Compare an update with the turned target's, which the rotation ``back`` ``(2, 2)`` turns back."""
+    change, turned_change = _change(trial, side), _change(turned, side)
+    if change is None or turned_change is None:
         return None
-    both: Array = np.asarray(np.kron(np.eye(2), back))
-    apart = np.abs(change - both @ other) / here.state_sigma
-    usual = np.abs(both @ other) / here.state_sigma
-    size = float(np.max(apart))
-    p, q = here.prediction.covariance, turned.prediction.covariance
+    rotation_back: Array = np.asarray(np.kron(np.eye(2), back))
+    difference = np.abs(change - rotation_back @ turned_change) / trial.state_sigma
+    usual = np.abs(rotation_back @ turned_change) / trial.state_sigma
+    size = float(np.max(difference))
+    p, q = trial.prediction.covariance, turned.prediction.covariance
     # The gains can be compared where the predictions have similar variances.
     ratios = (np.trace(p[part, part]) / np.trace(q[part, part]) for part in PARTS)
     lost = size > LOST * float(np.max(usual)) > LOST * CLEAR and all(abs(np.log(ratio)) < EQUAL for ratio in ratios)
-    centre, beside = here.predicted_measurement, _beside(here, side)
-    angular = list(SENSOR_MODELS[here.scan.kind].angular)
+    centre, beside = trial.predicted_measurement, _beside(trial, side)
+    angular = list(SENSOR_MODELS[trial.scan.kind].angular)
     measured = bool(np.any(np.abs(beside[angular] - centre[angular]) > np.pi))
-    text, line = _text(here, side, size), _line(here, beside) if measured and (lost or size >= FAR) else ""
-    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, measured, line=line)
+    text, line = _text(trial, side, size), _line(trial, beside) if measured and (lost or size >= FAR) else ""
+    return Jump(max(size, FAR) if lost else size, text, trial.scan.sensor, probe, measured, line=line)
 
 
-def _moved(here: Trial, mounted: Trial) -> bool:
-    """Whether the covariance after the predicted measurement depends on the yaw of the mounting."""
-    one, other = here.posterior(here.predicted_measurement), mounted.posterior(mounted.predicted_measurement)
-    if one is None or other is None:
+def _covariance_depends_on_mounting(trial: Trial, mounted: Trial) -> bool:
+    first, second = trial.posterior(trial.predicted_measurement), mounted.posterior(mounted.predicted_measurement)
+    if first is None or second is None:
         return True
-    gap = (one.covariance - other.covariance) / np.outer(here.state_sigma, here.state_sigma)
+    gap = (first.covariance - second.covariance) / np.outer(trial.state_sigma, trial.state_sigma)
     return float(np.abs(gap).max()) > SPREAD
 
 
 def _change(trial: Trial, side: float) -> Array | None:
-    """``(4,)`` the estimate after a measurement beside the predicted one, minus that after the predicted one."""
+    """Return the estimate ``(4,)`` after a measurement beside the predicted one, minus that after the predicted one."""
     estimate, centre = trial.posterior(_beside(trial, side)), trial.posterior(trial.predicted_measurement)
     return None if estimate is None or centre is None else estimate.mean - centre.mean
 
 
 def _beside(trial: Trial, side: float) -> Array:
-    """The predicted measurement moved by some standard deviations to the left, as seen from the sensor."""
+    """Return the predicted measurement moved by ``side`` standard deviations to the left, as the sensor sees it."""
     measurement = trial.predicted_measurement.copy()
     measurement[1] = wrap_angle(measurement[1] + side * trial.sigma[1])
     return measurement
 
 
 def _line(trial: Trial, measurement: Array) -> str:
-    """Return the line that leaves the plain difference of the azimuths in a variable, with its value, if one does."""
+    """Name the line that leaves the plain difference of the azimuths in a variable, with its value, if one does."""
     plain, named = measurement[1] - trial.predicted_measurement[1], dict[tuple[str, str], str]()
     with suppress(StepFailed):
         twin = trial.session.copy()
-        for entry in traced(lambda: twin.step(trial.scan._replace(measurement=measurement)))[1]:
-            at = np.flatnonzero(np.abs(np.abs(np.ravel(entry.value)) - abs(plain)) < ROUNDED)
-            if not len(at):
+        for entry in trace_step(lambda: twin.step(trial.scan._replace(measurement=measurement)))[1]:
+            indices = np.flatnonzero(np.abs(np.abs(np.ravel(entry.value)) - abs(plain)) < ROUNDED)
+            if not len(indices):
                 named.pop((entry.file, entry.name), None)
                 continue
-            name = f"{entry.name}[{at[0]}]" if entry.value.size > 1 else entry.name
-            value = np.ravel(entry.value)[at[0]]
+            name = f"{entry.name}[{indices[0]}]" if entry.value.size > 1 else entry.name
+            value = np.ravel(entry.value)[indices[0]]
             words = f"{entry.where}: {name} is {value:.4f}, and wrapped {wrap_angle(value):.4f}; "
             named.setdefault((entry.file, entry.name), words)
     return next(iter(named.values()), "")

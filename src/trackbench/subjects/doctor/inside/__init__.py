@@ -1,1 +1,1 @@
-"""What a tracker in Python computes on its way to an estimate: its values, and the lines that assign them."""
+"""Values that a tracker in Python computes on its way to an estimate, and the lines that assign them."""

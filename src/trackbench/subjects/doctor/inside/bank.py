@@ -1,4 +1,4 @@
-"""The models of an interacting multiple model filter, found by their values in what the tracker holds."""
+"""Models of an interacting multiple model filter (IMM), found by their values in what the tracker holds."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Indices
 from trackbench.subjects.doctor.inside.values import SAME, Held, HeldAt, held_values
 
-#: Models of a filter, at most.
+#: Largest number of models of a filter.
 MOST = 6
-#: By how much the sum of probabilities may differ from 1.
+#: Largest difference of a sum of probabilities from 1.
 ROUNDED = 1e-6
-#: Values of one form in places that differ by one name, at most, of which some are taken for those of models.
+#: Largest number of alike values, in places that differ by one name, among which the values of models are looked for.
 MOST_ALIKE = 8
-#: Before the way to logarithms of probabilities.
+#: Prefix of the path to logarithms of probabilities.
 LOGARITHM = "log "
 #: Sizes of a model's state.
 SIZES = range(2, 13)
 
 
 class Models(NamedTuple):
-    """Means, covariances and probabilities of the models at one instant."""
+    """Means, covariances and probabilities of the models of a filter at one instant."""
 
     mean: Array
     """``(m, n)``"""
@@ -35,7 +35,7 @@ class Models(NamedTuple):
     """``(m,)``"""
 
     def mixed(self, weights: Array) -> tuple[Array, Array]:
-        """Mean ``(n,)`` and covariance ``(n, n)`` of a mixture with weights ``(m,)``.
+        """Return mean ``(n,)`` and covariance ``(n, n)`` of a mixture with weights ``(m,)``.
 
         Bar-Shalom, Li and Kirubarajan 2001, section 1.4.16.
         """
@@ -45,35 +45,35 @@ class Models(NamedTuple):
         return mean, within + np.einsum("j,ja,jb->ab", weights, spread, spread)
 
 
-class ModelWays(NamedTuple):
-    """Where the parts of the models are held, as `families` finds them."""
+class ModelPaths(NamedTuple):
+    """Paths to the parts of the models, keys of the result of `families`."""
 
     mean: str
     covariance: str
     probability: str
     outputs: Indices
-    """``(4,)`` places of px, py, vx, vy in a model's state."""
+    """Indices of px, py, vx, vy in a model's state ``(4,)``."""
 
     def models(self, families: dict[str, Array]) -> Models | None:
-        """Those of another instant; None where they are not there."""
-        probability_way = self.probability.removeprefix(LOGARITHM)
-        if not {self.mean, self.covariance, probability_way} <= families.keys():
+        """Return the models at another instant; None where a part of them is missing."""
+        probability_path = self.probability.removeprefix(LOGARITHM)
+        if not {self.mean, self.covariance, probability_path} <= families.keys():
             return None
-        probability = families[probability_way].ravel()
-        probability = probability if probability_way == self.probability else np.exp(probability)
+        probability = families[probability_path].ravel()
+        probability = probability if probability_path == self.probability else np.exp(probability)
         mean = families[self.mean].reshape(len(probability), -1)
         covariance = families[self.covariance].reshape(*mean.shape, -1)
         return Models(mean, covariance, probability)
 
 
 def transition_matrices(values: Iterable[Held]) -> list[tuple[Held, Array]]:
-    """The matrices that can be transition probabilities, each also with a row for the model before."""
+    """Return the matrices that can be transition probabilities, each as held and with a row for each earlier model."""
     rows = ((entry, with_rows(entry.value)) for entry in values)
     return [(entry, matrix) for entry, matrix in rows if matrix is not None]
 
 
 def with_rows(matrix: Array) -> Array | None:
-    """Transition probabilities with a row for the model before; None where it can be none."""
+    """Return transition probabilities with a row for each earlier model; None for a matrix that can be none."""
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not 2 <= len(matrix) <= MOST:
         return None
     if (matrix < 0.0).any() or np.isin(matrix, (0.0, 1.0)).all():
@@ -84,8 +84,8 @@ def with_rows(matrix: Array) -> Array | None:
     return matrix.T if columns else None
 
 
-def of_module(tracker: Any) -> Iterator[Held]:
-    """The numbers that the module of a tracker's class holds."""
+def values_of_module(tracker: Any) -> Iterator[Held]:
+    """Yield the numbers that the module of a tracker's class holds."""
     module = sys.modules.get(type(tracker).__module__)
     for name, value in [] if module is None else list(vars(module).items()):
         if not name.startswith("__"):
@@ -96,24 +96,24 @@ def of_module(tracker: Any) -> Iterator[Held]:
 
 
 def families(values: Iterable[Held], count: int) -> dict[str, Array]:
-    """The values that there are of each of some models, the model first, by their way.
+    """Return the values that each model has one of, by path; their first axis is the model.
 
-    They are the parts of one array, or what is held in places that differ by one number or name. Of states of different
-    sizes the first entries are taken that all of them have.
+    Such values are parts of one array, or are held in places that differ by one number or name. States of different
+    sizes are cut to the entries that all of them have.
 
     Args:
-        values: what a tracker holds.
-        count: of models.
+        values: values that a tracker holds.
+        count: number of models.
     """
     matches: dict[str, Array] = {}
     groups: dict[tuple[Any, ...], dict[str | int, Array]] = {}
     for entry in values:
-        way = ".".join(map(str, entry.path))
+        path = ".".join(map(str, entry.path))
         for axis in range(entry.value.ndim):
             if entry.value.shape[axis] == count:
-                matches[f"{way}:{axis}"] = np.moveaxis(entry.value, axis, 0)
-        for at, key in enumerate(entry.path):
-            form = (*entry.path[:at], "*", *entry.path[at + 1 :], _form(entry.value))
+                matches[f"{path}:{axis}"] = np.moveaxis(entry.value, axis, 0)
+        for position, key in enumerate(entry.path):
+            form = (*entry.path[:position], "*", *entry.path[position + 1 :], _form(entry.value))
             groups.setdefault(form, {})[key] = entry.value
     for form, members in groups.items():
         if len(members) > MOST_ALIKE or form[-1] is None:
@@ -127,7 +127,7 @@ def families(values: Iterable[Held], count: int) -> dict[str, Array]:
 
 
 def _form(value: Array) -> str | None:
-    """Of values that may be of different sizes; None where they cannot be of models."""
+    """Return the form that values of all models share, whatever their size; None for a value of no model."""
     if value.ndim == 2 and value.shape[0] == value.shape[1] > 1:
         return "matrix"
     if value.size == 1 or max(value.shape) == value.size:
@@ -135,54 +135,56 @@ def _form(value: Array) -> str | None:
     return None
 
 
-def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> list[tuple[ModelWays, bool]]:
-    """The models whose mixture an estimate is, and whether its covariance is theirs too.
+def find_models(values_by_path: dict[str, Array], estimate: Estimate, count: int) -> list[tuple[ModelPaths, bool]]:
+    """Return the models whose mixture is an estimate, and whether its covariance is the mixture's too.
 
-    One where it is; else those that can be, of which only their steps tell which they are; none where the mean is none.
+    Models with the right covariance are returned alone. Otherwise all with the right mean are: their steps decide.
 
     Args:
-        held_by: families after a step.
-        estimate: of that step.
-        count: of models.
+        values_by_path: families after a step.
+        estimate: estimate after that step.
+        count: number of models.
     """
-    rows = {way: value.reshape(count) for way, value in held_by.items() if value.size == count}
-    probabilities = {way: row for way, row in rows.items() if (row >= 0.0).all() and row.max() > 0.0}
+    rows = {path: value.reshape(count) for path, value in values_by_path.items() if value.size == count}
+    probabilities = {path: row for path, row in rows.items() if (row >= 0.0).all() and row.max() > 0.0}
     probabilities |= {
-        LOGARITHM + way: np.exp(row) for way, row in rows.items() if abs(np.logaddexp.reduce(row)) < ROUNDED
+        LOGARITHM + path: np.exp(row) for path, row in rows.items() if abs(np.logaddexp.reduce(row)) < ROUNDED
     }
-    means = {way: value.reshape(count, -1) for way, value in held_by.items() if value[0].size in SIZES}
-    possible: list[tuple[ModelWays, bool]] = []
+    means = {path: value.reshape(count, -1) for path, value in values_by_path.items() if value[0].size in SIZES}
+    possible: list[tuple[ModelPaths, bool]] = []
     normalised = sorted(probabilities.items(), key=lambda entry: round(abs(float(entry[1].sum()) - 1.0), 6))
-    for (pway, weights), (xway, mean) in product(normalised, means.items()):
-        outputs = _places(weights @ mean, estimate.mean)
+    for (probability_path, weights), (mean_path, mean) in product(normalised, means.items()):
+        outputs = _indices_in(weights @ mean, estimate.mean)
         if outputs is None or np.ptp(mean, axis=0).max() == 0.0:
             continue
         size = mean.shape[1]
-        for way, covariance in held_by.items():
+        for path, covariance in values_by_path.items():
             if covariance[0].size != size**2 or covariance.ndim < 3 or not np.isfinite(covariance).all():
                 continue
             models = Models(mean, covariance.reshape(count, size, size), weights)
             _, mixed = models.mixed(weights)
             fits = np.allclose(mixed[np.ix_(outputs, outputs)], estimate.covariance, rtol=1e-7, atol=1e-12)
             values = np.linalg.eigvalsh(models.covariance)
-            # One without a spread in some direction counts where all the rest fits.
+            # A covariance without a spread in some direction counts where all the rest fits.
             if values.min() > (-SAME * values.max() if fits else 0.0):
-                possible.append((ModelWays(xway, way, pway, outputs), bool(fits)))
+                possible.append((ModelPaths(mean_path, path, probability_path, outputs), bool(fits)))
                 if fits:
                     return possible[-1:]
     return possible[:MOST_ALIKE]
 
 
-def _places(mixture: Array, mean: Array) -> Indices | None:
-    """Where the entries of an estimate are in a mixture; None where one is not there."""
-    apart = np.abs(mixture[:, None] - mean) <= SAME * np.maximum(np.abs(mean), 1.0)
-    if not apart.any(axis=0).all():
+def _indices_in(mixture: Array, mean: Array) -> Indices | None:
+    """Return the indices of the entries of an estimate in a mixture; None where one is missing."""
+    is_equal = np.abs(mixture[:, None] - mean) <= SAME * np.maximum(np.abs(mean), 1.0)
+    if not is_equal.any(axis=0).all():
         return None
-    places = np.argmax(apart, axis=0)
-    return np.asarray(places) if len(set(places.tolist())) == len(mean) else None
+    indices = np.argmax(is_equal, axis=0)
+    return np.asarray(indices) if len(set(indices.tolist())) == len(mean) else None
 
 
-def stationary(earlier: Sequence[tuple[Held, Array]], now: Sequence[tuple[Held, Array]]) -> list[tuple[Held, Array]]:
-    """Of the matrices at one instant those that are held in the same place at another."""
-    later = {(held_there.path, matrix.tobytes()) for held_there, matrix in now}
-    return [entry for entry in earlier if (entry[0].path, entry[1].tobytes()) in later]
+def constant_matrices(
+    earlier: Sequence[tuple[Held, Array]], later: Sequence[tuple[Held, Array]]
+) -> list[tuple[Held, Array]]:
+    """Return the matrices of an instant that are held in the same place at a later one."""
+    held_later = {(entry.path, matrix.tobytes()) for entry, matrix in later}
+    return [entry for entry in earlier if (entry[0].path, entry[1].tobytes()) in held_later]

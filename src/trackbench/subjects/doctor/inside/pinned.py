@@ -1,4 +1,4 @@
-"""Each model of an interacting multiple model filter alone: the filter that it is while no other is probable."""
+"""Single models of an interacting multiple model filter, each examined as a filter of its own."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy as np
 from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import PartResult
-from trackbench.subjects.doctor.inside.interaction import Bank, bank_of, models_of
-from trackbench.subjects.doctor.inside.values import HeldAt, Way, formed, held_values
+from trackbench.subjects.doctor.inside.interaction import Bank, find_bank, models_of
+from trackbench.subjects.doctor.inside.values import HeldAt, KeyPath, held_values, reshape
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
 
-#: Probability of the other models: no likelihood makes one of them count.
+#: Transition probability to other models, so small that no likelihood makes them count.
 NEVER = 1e-30
-#: Probability from which on a model is alone.
+#: Least probability of a model that counts as alone.
 ALONE = 1.0 - 1e-9
 
 
 class _Pinned:
-    """A tracker with other transition probabilities, from when it has some."""
+    """A tracker with other transition probabilities, from the step on after which it holds any."""
 
-    def __init__(self, tracker: Any, path: Way, matrix: Array) -> None:
+    def __init__(self, tracker: Any, path: KeyPath, matrix: Array) -> None:
         self.within, self.batched = tracker, bool(getattr(tracker, "batched", False))
         self._path, self._matrix = path, matrix
         self._done = False
@@ -42,17 +42,17 @@ class _Pinned:
     def _put(self, state: Any) -> None:
         for entry in held_values((self.within, state)):
             if entry.path == self._path and entry.place is not None:
-                _put(entry.place, self._matrix)
+                _put_matrix(entry.place, self._matrix)
                 self._done = True
 
 
-class ModelAlone:
-    """One model of a tracker: all its models turn into this one at every transition.
+class SingleModel:
+    """One model of a tracker: at every transition all models turn into this one.
 
     Args:
-        tracker: with all models.
-        bank: the models.
-        model: its number, from 0.
+        tracker: tracker with all models.
+        bank: models of the tracker.
+        model: index of the model.
     """
 
     def __init__(self, tracker: TrackerUnderTest, bank: Bank, model: int) -> None:
@@ -61,31 +61,31 @@ class ModelAlone:
         self._matrix[:, model] = 1.0
         if not np.array_equal(bank.held.value, bank.transition):
             self._matrix = self._matrix.T
-        self._under_test = tracker.of_another(self._make)
+        self._under_test = tracker.for_tracker(self._make)
 
     @contextmanager
-    def alone(self) -> Iterator[TrackerUnderTest]:
-        """The model as a tracker, within the block: the transition probabilities may be a constant of its module."""
-        # What a module holds has a way that begins with its name.
+    def as_tracker(self) -> Iterator[TrackerUnderTest]:
+        """Yield the model as a tracker; within the block, constants of the tracker's module may be replaced."""
+        # The path to a value of a module begins with a name.
         place = self._bank.held.place if isinstance(self._bank.held.path[0], str) else None
         if place is None:
             yield self._under_test
             return
-        before = place.get()
+        held = place.get()
         try:
-            _put(place, self._matrix)
+            _put_matrix(place, self._matrix)
             yield self._under_test
         finally:
-            place.put(before)
+            place.put(held)
 
     def _make(self) -> Tracker:
         return _Pinned(self._tracker.make(), self._bank.held.path, self._matrix)
 
     def succeeds(self) -> bool:
-        """Whether the model has all the probability after some scans."""
+        """Return whether the model has all the probability after some scans."""
         session = TrackerSession(self._make)
         scans = self._tracker.approach(self._tracker.probes.general[0], self._tracker.sensor_sets()[-1], 1.0)
-        with self.alone():
+        with self.as_tracker():
             try:
                 session.follow([*scans, empty_scan(scans[-1]._replace(time=scans[-1].time + 0.05))])
             except StepFailed:
@@ -94,28 +94,28 @@ class ModelAlone:
         return models is not None and bool(models.probability[self._model] > ALONE)
 
 
-def models_alone(tracker: TrackerUnderTest) -> list[ModelAlone]:
-    """The models of an interacting multiple model filter; none of another, or where one does not stay alone."""
-    bank_steps = tracker.once(bank_of)
+def single_models(tracker: TrackerUnderTest) -> list[SingleModel]:
+    """Return the models of an interacting multiple model filter; an empty list where one does not stay alone."""
+    bank_steps = tracker.once(find_bank)
     if bank_steps is None:
         return []
-    models = [ModelAlone(tracker, bank_steps[0], j) for j in range(len(bank_steps[0].transition))]
+    models = [SingleModel(tracker, bank_steps[0], j) for j in range(len(bank_steps[0].transition))]
     return models if all(model.succeeds() for model in models) else []
 
 
-def of_each_model(results: Sequence[PartResult]) -> PartResult:
-    """The results of one check of each model, as one of the tracker: each says of which model it is."""
+def merge_models(results: Sequence[PartResult]) -> PartResult:
+    """Merge the results of one check of each model into results of the tracker that name the models."""
     merged = PartResult()
     names = dict.fromkeys(check.name for result in results for check in result.checks)
     for name in names:
         # A model that fails at all steps of a sensor has no answer with it.
-        none = next(check for result in results for check in result.checks if check.name == name)
-        none = replace(none, passed=None, result="there was no estimate", faults=())
-        checks = [next((check for check in result.checks if check.name == name), none) for result in results]
+        no_answer = next(check for result in results for check in result.checks if check.name == name)
+        no_answer = replace(no_answer, passed=None, result="there was no estimate", faults=())
+        checks = [next((check for check in result.checks if check.name == name), no_answer) for result in results]
         failed = [check.passed is False for check in checks]
         made = [check.passed is not None for check in checks]
-        said = [f"model {j}: {check.result}" for j, check in enumerate(checks, 1) if any(failed) <= (not check.passed)]
-        text = checks[0].result if not any(made) else "; ".join(said)
+        shown = [(j, check) for j, check in enumerate(checks, 1) if any(failed) <= (not check.passed)]
+        text = checks[0].result if not any(made) else "; ".join(f"model {j}: {check.result}" for j, check in shown)
         faults = tuple(dict.fromkeys(fault for check in checks for fault in check.faults))
         passed = not any(failed) if any(made) else None
         merged.checks.append(replace(checks[0], passed=passed, result=text, faults=faults))
@@ -127,6 +127,5 @@ def of_each_model(results: Sequence[PartResult]) -> PartResult:
     return merged
 
 
-def _put(place: HeldAt, matrix: Array) -> None:
-    """The matrix in the form of what is there."""
-    place.put(formed(place.get(), matrix))
+def _put_matrix(place: HeldAt, matrix: Array) -> None:
+    place.put(reshape(place.get(), matrix))

@@ -1,4 +1,4 @@
-"""The numbers that an object holds, with the way to each, and those that the lines of a tracker assign in a step."""
+"""Numbers that an object holds, with the path to each, and numbers that the lines of a tracker assign in a step."""
 
 from __future__ import annotations
 
@@ -18,30 +18,27 @@ import numpy as np
 import trackbench
 from trackbench.base.types import Array, Scan
 
-#: How far below an object its values are looked for, among how many of its parts, and how large an array is at most: a
-#: filter is smaller.
+#: Limits of the search below an object: its depth, the number of parts, and the size of an array. A filter is smaller.
 DEPTH, MOST, LARGEST = 6, 20_000, 4096
-#: Agreement of two values that are the same but for rounding, relative to the larger one.
+#: Relative difference of two values that is only rounding.
 SAME = 1e-9
 
-Way = tuple[str | int, ...]
-"""Attributes and keys by name, places of a list by number."""
+KeyPath = tuple[str | int, ...]
+"""Attributes and keys by name, places of a list by number, from an object down to a value."""
 
 
 class HeldAt(NamedTuple):
-    """Where a value is held."""
+    """Place where a value is held."""
 
     holder: Any
     key: Any
 
     def get(self) -> Any:
-        """What is there."""
         if isinstance(self.holder, Mapping | list):
             return self.holder[self.key]
         return getattr(self.holder, self.key)
 
     def put(self, value: Any) -> None:
-        """Hold another value there."""
         if isinstance(self.holder, dict | list):
             self.holder[self.key] = value
         else:
@@ -51,20 +48,19 @@ class HeldAt(NamedTuple):
 class Held(NamedTuple):
     """A value that an object holds."""
 
-    path: Way
+    path: KeyPath
     value: Array
-    """A copy."""
     place: HeldAt | None
-    """None at the top, and in what cannot be changed."""
+    """Place of the value; None at the top, and where the value cannot be changed."""
 
 
 def held_values(root: Any, depth: int = DEPTH) -> Iterator[Held]:
-    """Every number, array of numbers, and list or dictionary of numbers below an object, nearest first.
+    """Yield copies of all numbers, arrays, lists and dictionaries of numbers below an object, nearest first.
 
     Scans are left out.
     """
     seen: set[int] = set()
-    waiting: deque[tuple[Way, Any, HeldAt | None]] = deque([((), root, None)])
+    waiting: deque[tuple[KeyPath, Any, HeldAt | None]] = deque([((), root, None)])
     while waiting and len(seen) < MOST:
         path, value, place = waiting.popleft()
         array = _numbers(value)
@@ -95,38 +91,38 @@ def _numbers(value: Any) -> Array | None:
 
 
 def parts(value: Any) -> Iterable[tuple[Any, Any]]:
-    """What an object holds, by name or place."""
+    """Return the entries and attributes of an object, by place or name."""
     if isinstance(value, Scan | type | types.ModuleType | types.FunctionType | types.MethodType | str | bytes):
         return []
     if isinstance(value, Mapping):
         return [(key, below) for key, below in value.items() if isinstance(key, str | int)]
     if isinstance(value, list | tuple):
         return list(enumerate(value)) if len(value) <= LARGEST else []
-    own = dict(getattr(value, "__dict__", {}))
+    attributes = dict(getattr(value, "__dict__", {}))
     for base in type(value).__mro__:
         slots = base.__dict__.get("__slots__", ())
-        own |= {name: getattr(value, name) for name in slots if isinstance(name, str) and hasattr(value, name)}
-        # What a class holds for all its objects.
+        attributes |= {name: getattr(value, name) for name in slots if isinstance(name, str) and hasattr(value, name)}
+        # Numbers that a class holds for all its objects.
         if base.__module__ not in ("builtins", "numpy"):
             entries = [(name, entry) for name, entry in list(vars(base).items()) if not name.startswith("__")]
             shared = {name: entry for name, entry in entries if _numbers(entry) is not None}
-            own = {**shared, **own}
-    return list(own.items())
+            attributes = {**shared, **attributes}
+    return list(attributes.items())
 
 
-def formed(there: Any, value: Array) -> Any:
-    """A value in the form of what is there."""
-    if isinstance(there, np.ndarray):
-        return value.reshape(there.shape)
-    if isinstance(there, Mapping):
-        return {key: formed(entry, part) for (key, entry), part in zip(there.items(), value, strict=True)}
-    if isinstance(there, list | tuple):
-        return type(there)(formed(entry, part) for entry, part in zip(there, value, strict=True))
+def reshape(template: Any, value: Array) -> Any:
+    """Return a value in the form of a template: an array, a mapping, a list, a tuple or a number."""
+    if isinstance(template, np.ndarray):
+        return value.reshape(template.shape)
+    if isinstance(template, Mapping):
+        return {key: reshape(entry, part) for (key, entry), part in zip(template.items(), value, strict=True)}
+    if isinstance(template, list | tuple):
+        return type(template)(reshape(entry, part) for entry, part in zip(template, value, strict=True))
     return float(value)
 
 
 class Pool:
-    """Numbers among which others are looked for."""
+    """Set of numbers among which values are looked for."""
 
     def __init__(self, arrays: Iterable[Array]) -> None:
         flat = [np.ravel(array) for array in arrays]
@@ -134,34 +130,34 @@ class Pool:
         self._sorted = np.unique(every[np.isfinite(every)])
 
     def has(self, values: Array) -> bool:
-        """Whether each of some values is among them, but for rounding."""
+        """Return whether all values are in the set, but for rounding."""
         wanted = np.ravel(values)
         if not len(self._sorted) or not np.isfinite(wanted).all():
             return False
-        at = np.searchsorted(self._sorted, wanted)
-        near = [self._sorted[np.clip(at + side, 0, len(self._sorted) - 1)] for side in (-1, 0)]
+        index = np.searchsorted(self._sorted, wanted)
+        near = [self._sorted[np.clip(index + side, 0, len(self._sorted) - 1)] for side in (-1, 0)]
         scale = np.maximum(np.abs(wanted), float(np.abs(wanted).max()) * 1e-3)
         return bool(np.all(np.minimum(*(np.abs(entry - wanted) for entry in near)) <= SAME * scale + 1e-300))
 
 
 Answer = TypeVar("Answer")
-#: Folders of code whose lines are not the tracker's: of libraries, and the standard library, below which in a plain
-#: installation those of other packages are.
+#: Folders of code that is not the tracker's: of libraries, and of the standard library. A plain installation has other
+#: packages below the latter.
 _NUMPY = Path(np.__file__).resolve().parent
 LIBRARIES = tuple(map(str, (_NUMPY, _NUMPY.with_name("scipy"), Path(trackbench.__file__).resolve().parent)))
 STANDARD = tuple(str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "platstdlib"))
 INSTALLED = "site-packages"
-#: How far below a local variable its values are looked for.
+#: Depth to which values are looked for below a local variable.
 LOCAL_DEPTH = 4
 
 
 class Assigned(NamedTuple):
-    """A value that a line has made."""
+    """A value that a line assigns or returns."""
 
     file: str
     line: int
     name: str
-    """Of the variable, with what leads from it to the value."""
+    """Name of the variable, with the path from it to the value."""
     value: Array
 
     @property
@@ -170,11 +166,11 @@ class Assigned(NamedTuple):
         return f"{Path(self.file).name}:{self.line}"
 
 
-def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
-    """What a function returns, and the values that the tracker's own lines assign on the way, in their order.
+def trace_step(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
+    """Return a function's result, and the values that the tracker's own lines assign meanwhile, in their order.
 
-    A value is one of a local variable or below it, and what a function returns. A line that is left by a call has
-    those that were assigned in the call too, after it.
+    They are values of local variables, values below these, and returned values. A line that calls a function also
+    assigns what the call has changed.
     """
     assignments: list[Assigned] = []
     frames: dict[int, tuple[int, dict[tuple[Any, ...], bytes]]] = {}
@@ -186,7 +182,7 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
             for entry in held_values(value, LOCAL_DEPTH)
         }
 
-    def local(frame: FrameType, event: str, answer: Any) -> Any:
+    def trace_line(frame: FrameType, event: str, answer: Any) -> Any:
         line, before = frames.get(id(frame), (frame.f_lineno, {}))
         now = snapshot(frame)
         for key, (content, value) in now.items():
@@ -200,22 +196,21 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
             frames.pop(id(frame), None)
             return None
         frames[id(frame)] = (frame.f_lineno, {key: content for key, (content, _) in now.items()} | {("",): b""})
-        return local
+        return trace_line
 
-    def called(frame: FrameType, _event: str, _answer: Any) -> Any:
-        return local if _own(frame.f_code.co_filename) else None
+    def trace_call(frame: FrameType, _event: str, _answer: Any) -> Any:
+        return trace_line if _is_of_tracker(frame.f_code.co_filename) else None
 
-    earlier = sys.gettrace()
-    sys.settrace(called)
+    previous = sys.gettrace()
+    sys.settrace(trace_call)
     try:
         return step(), assignments
     finally:
-        sys.settrace(earlier)
+        sys.settrace(previous)
 
 
 @cache
-def _own(file: str) -> bool:
-    """Whether the lines of a file are the tracker's."""
+def _is_of_tracker(file: str) -> bool:
     if file.startswith("<"):
         return False
     path = str(Path(file).resolve())
@@ -230,25 +225,25 @@ def _name(key: tuple[Any, ...]) -> str:
 
 
 def nearest_assigned(assigned: Sequence[Assigned], right: Array, earlier: Array) -> tuple[Assigned, float] | None:
-    """What is nearest to one of several right values and is none of them, with its error relative to the largest entry.
+    """Return the assigned value nearest to one of several right values, with its error relative to the largest entry.
 
     Args:
-        assigned: in a step.
-        right: ``(m, ...)``
-        earlier: ``(m, ...)`` values of the same shape that were there before, which do not count.
+        assigned: assignments of a step; right and earlier values among them do not count.
+        right: right values ``(m, ...)``.
+        earlier: values before the step ``(m, ...)``.
     """
     best: tuple[Assigned, float] | None = None
-    others = [*right, *earlier]
+    excluded = [*right, *earlier]
     for entry in assigned:
         for value in _of_size(entry.value, right[0].size):
-            errors = [float(np.abs(value - np.ravel(other)).max() / np.abs(other).max()) for other in others]
+            errors = [float(np.abs(value - np.ravel(other)).max() / np.abs(other).max()) for other in excluded]
             if min(errors) > SAME and (best is None or min(errors[: len(right)]) < best[1]):
                 best = entry, min(errors[: len(right)])
     return best
 
 
 def with_value(assigned: Sequence[Assigned], *values: Array) -> Assigned | None:
-    """The first that has one of some values, in any order of its axes."""
+    """Return the first assignment of one of some values, in any order of its axes."""
     for entry in assigned:
         for value in values:
             if entry.value.size == value.size and (Pool([entry.value]).has(value)):
@@ -257,7 +252,7 @@ def with_value(assigned: Sequence[Assigned], *values: Array) -> Assigned | None:
 
 
 def _of_size(value: Array, size: int) -> Iterator[Array]:
-    """The value, or what it holds at each place of an axis, where that has a number of entries."""
+    """Yield the flattened value, or its parts along an axis, where they have a number of entries."""
     if value.size == size:
         yield np.ravel(value)
     for axis in range(value.ndim):

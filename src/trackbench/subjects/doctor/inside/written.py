@@ -1,4 +1,4 @@
-"""Matrices that the lines of a tracker write, held against the right ones."""
+"""Matrices that the lines of a tracker write, compared with the right ones."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from trackbench.subjects.doctor.findings import PROVEN, Finding
 from trackbench.subjects.doctor.inside.values import Assigned
 from trackbench.subjects.doctor.matrices import largest_entry
 
-#: Difference of an entry, over the sum of both values, from which on it is marked.
+#: Least difference of an entry that is counted, relative to the sum of both values.
 OFF = 0.1
-#: Difference of two matrices that is rounding, relative to the largest entry.
+#: Difference of two matrices that is only rounding, relative to the largest entry.
 SAME = 1e-4
 
 
-def wrong_entry(assigned: Sequence[Assigned], at: Assigned, right: Array, sensor: str | None, by: str) -> Finding:
-    """Report the entry of a Jacobian that is off most, and the line that has made it."""
-    off = np.abs(at.value - right) / (np.abs(at.value) + np.abs(right) + 1e-6 * np.abs(right).max())
-    i, j = largest_entry(off)
-    of_name = [entry for entry in assigned if (entry.file, entry.name) == (at.file, at.name)]
-    values = [entry for entry in of_name if entry.value.shape == right.shape]
-    made = next(entry for entry in values if entry.value[i, j] == at.value[i, j])
-    # What no line has set was missed by the last one.
-    where = at.where if made is values[0] else made.where
-    marked = [(int(row), int(column)) for row, column in np.argwhere(off > OFF)]
-    others = f" ({len(marked)} of its entries differ)" if len(marked) > 1 else ""
-    text = f"{where}: {at.name}[{i}, {j}] is {at.value[i, j]:.4g}, and {by} give {right[i, j]:.4g}{others}"
+def wrong_entry(assigned: Sequence[Assigned], wrong: Assigned, right: Array, sensor: str | None, by: str) -> Finding:
+    """Report the entry of a Jacobian with the largest error, and the line that has assigned it."""
+    error = np.abs(wrong.value - right) / (np.abs(wrong.value) + np.abs(right) + 1e-6 * np.abs(right).max())
+    i, j = largest_entry(error)
+    same_name = [entry for entry in assigned if (entry.file, entry.name) == (wrong.file, wrong.name)]
+    values = [entry for entry in same_name if entry.value.shape == right.shape]
+    made = next(entry for entry in values if entry.value[i, j] == wrong.value[i, j])
+    # An entry that still has its first value was missed by the last line.
+    where = wrong.where if made is values[0] else made.where
+    marked = [(int(row), int(column)) for row, column in np.argwhere(error > OFF)]
+    count = f" ({len(marked)} of its entries differ)" if len(marked) > 1 else ""
+    text = f"{where}: {wrong.name}[{i}, {j}] is {wrong.value[i, j]:.4g}, and {by} give {right[i, j]:.4g}{count}"
     return Finding("jacobian_wrong", PROVEN, text, sensor=sensor)
 
 

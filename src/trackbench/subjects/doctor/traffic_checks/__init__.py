@@ -1,1 +1,1 @@
-"""The checks of trackers of several objects: each plays a scene and names the fault that it shows."""
+"""Checks of trackers of several objects; each plays a scene and names the fault that it shows."""

@@ -1,4 +1,4 @@
-"""Which detection a track takes: where it is predicted, among those that its gate allows; and what ends with it."""
+"""Association: which detection a track takes among those in its gate, and what happens when tracks end."""
 
 from __future__ import annotations
 
@@ -27,31 +27,32 @@ from trackbench.subjects.doctor.traffic_checks.weights import NO_CLUTTER, Weighe
 
 #: Time for which objects are followed before a scan is tried, s.
 FOLLOWED = 2.0
-#: Objects that are fast, each followed alone: px, py m, vx, vy m/s.
+#: Fast objects, each followed alone: px, py m, vx, vy m/s.
 FAST = np.array([[40.0, 5, 10, 2], [30, -30, -3, 12], [-35, 10, 9, -9]]).T
-#: Time without a scan, in which a fast object goes further than any gate is wide, and no track ends, s.
+#: Time without a scan, s, in which a fast object goes further than any gate is wide, and no track ends.
 GAP = 0.25
-#: Of two detections in a gate the nearer one, as a share of the farther one's distance; and share of the step to that
-#: from which on a track has taken it. What counts both the same goes less than 0.6 of it.
+#: Distance of the nearer of two detections in a gate, relative to the farther one's; and share of the step to the
+#: farther one from which on a track has taken it. A track that counts both the same goes less than 0.6 of it.
 NEARER, FARTHER = 0.15, 0.8
 #: Share of the way back to its last place from which on a track has taken the detection there.
 WENT_BACK = 0.1
-#: Two objects one behind the other as seen from the sensor, this far apart, m: some fifteen standard deviations of an
-#: innovation, a distance that no gate allows.
+#: Two objects one behind the other as seen from the sensor, and their distance, m: some fifteen standard deviations of
+#: an innovation, a distance that no gate allows.
 QUEUE, APART = np.array([[36.0, 0, -5, 0], [42, 0, -5, 0]]).T, 6.0
 #: Share of the step of a Kalman filter from which on a track has taken a detection.
 TAKEN = 0.1
-#: False alarms of one scan in so many, more than there are tracks, and of the others: their tracks end between the two.
+#: False alarms of one scan in each period, more than there are tracks; of each other scan; and the period, in scans.
+#: Tracks of false alarms end within a period.
 MANY, FEW, PERIOD = 12, 1, 6
-#: Time for which objects are detected, s: of a count that is not set back, the misses of each four scans add up.
+#: Time for which objects are detected, s. In a count that is not set back, the misses of every fourth scan add up.
 DETECTED = 8.0
 #: Two objects that leave, and three that stay: px, py m, vx, vy m/s.
 LEAVING = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3]]).T
 STAYING = np.array([[20.0, -60, 1, 9], [-30, -40, 5, 5], [70, -20, -9, 0]]).T
 EVERY = np.concatenate([LEAVING, STAYING], axis=1)
-#: Time until the next ones come, or go, s.
+#: Time until the next objects come, or go, s.
 COMES = 1.0
-#: Periods of the scans by which a track is behind its object, from which on it is not predicted.
+#: Distance of a track behind its object, in periods of the scans, from which on it is not predicted.
 BEHIND = 0.25
 
 
@@ -68,7 +69,7 @@ BEHIND = 0.25
     },
 )
 def nearer_of_two(make: Make, site: Site) -> PartResult:
-    """Two detections in a track's gate, on one side of where it is expected and then on the other, in both orders."""
+    """Give two detections in a track's gate, on one side of its prediction and then on the other, in both orders."""
     track = WeighedTrack.of_object(make, site, OBJECTS[:, 0], FOLLOWED)
     if track is None or len(track.tracks.ids) != 1:
         return PartResult()
@@ -100,20 +101,20 @@ def nearer_of_two(make: Make, site: Site) -> PartResult:
     },
 )
 def predicted_place(make: Make, site: Site) -> PartResult:
-    """After a moment without a scan, a detection where a fast object is predicted and one where it was."""
-    ways = [way for target in FAST.T if (way := _way_back(make, site, target)) is not None]
-    if not ways:
+    """Give a detection where a fast object is predicted and one where it was, after a moment without a scan."""
+    shares = [share for target in FAST.T if (share := _share_of_way_back(make, site, target)) is not None]
+    if not shares:
         return PartResult()
-    back = sum(way > WENT_BACK for way in ways)
+    back = sum(share > WENT_BACK for share in shares)
     text = (
-        f"{GAP:g} s after the last scan, {back} of {len(ways)} tracks take a detection where they were and leave the "
+        f"{GAP:g} s after the last scan, {back} of {len(shares)} tracks take a detection where they were and leave the "
         "one where they are predicted to be"
     )
-    return PartResult().note("predicted_place", 2 * back <= len(ways), text, "associated_unpredicted")
+    return PartResult().note("predicted_place", 2 * back <= len(shares), text, "associated_unpredicted")
 
 
-def _way_back(make: Make, site: Site, target: Array) -> float | None:
-    """How far a track goes from its own prediction to its last place, as a share of the way; None: it has ended."""
+def _share_of_way_back(make: Make, site: Site, target: Array) -> float | None:
+    """Return the share of the way from its prediction to its last place that a track goes; None if it has ended."""
     track = FollowedTrack.of_object(make, site, target, FOLLOWED)
     if track is None:
         return None
@@ -142,11 +143,11 @@ def _way_back(make: Make, site: Site, target: Array) -> float | None:
     },
 )
 def allowed_pair(make: Make, site: Site) -> PartResult:
-    """Two tracks and two detections. Of the four pairs the gates allow one.
+    """Give two detections to two tracks; the gates allow one of the four pairs.
 
     Along a line the tracks are at 0 and d, the detections at s and s - d, with s one standard deviation of an
-    innovation. The sum of squared distances is least with both pairs that are not allowed, each d - s apart; an
-    assignment of the allowed pair alone has the other one 2 d - s apart.
+    innovation. The sum of squared distances is least with the two pairs that are not allowed, each d - s apart. In the
+    assignment with the allowed pair, the other pair is 2 d - s apart.
     """
     scans = site.scans(QUEUE, FOLLOWED)
     tracks = MultiObjectSession(make).follow(scans)[-1]
@@ -154,13 +155,14 @@ def allowed_pair(make: Make, site: Site) -> PartResult:
     if columns[0] is None or columns[1] is None or len(tracks.ids) != 2:
         return PartResult()
     expected, covariance, gain = site.expected(tracks, columns[0])
-    away = np.zeros(len(expected))
-    away[0] = np.sqrt(covariance[0, 0])
-    other = expected - away
-    other[0] -= APART - 2 * away[0]
-    step = float(np.hypot(*(gain @ away)[:2]))
+    offset = np.zeros(len(expected))
+    offset[0] = np.sqrt(covariance[0, 0])
+    second = expected - offset
+    second[0] -= APART - 2 * offset[0]
+    step = float(np.hypot(*(gain @ offset)[:2]))
     track = FollowedTrack(make, site, scans, tracks, columns[0])
-    alone, both = (_moved_by(track, detections) / step for detections in ([expected + away], [expected + away, other]))
+    pairs = ([expected + offset], [expected + offset, second])
+    alone, both = (_distance_moved(track, detections) / step for detections in pairs)
     if alone < TAKEN:
         return PartResult()
     text = (
@@ -170,32 +172,31 @@ def allowed_pair(make: Make, site: Site) -> PartResult:
     return PartResult().note("allowed_pair", both > TAKEN, text, "gated_after_assignment")
 
 
-def _moved_by(track: FollowedTrack, detections: Sequence[Array]) -> float:
-    """How far a track goes by detections at the time of the last scan, m."""
+def _distance_moved(track: FollowedTrack, detections: Sequence[Array]) -> float:
     after = track.after_scan(with_detections(track.scans[-1], np.stack(detections, axis=1)))
     return 0.0 if after is None else float(np.hypot(*(after[0] - track.mean)[:2]))
 
 
 @doctor_check(Question("deletion.among_others", "Does a track end when all detections are elsewhere?"), place=42)
 def missed_among_others(make: Make, site: Site) -> PartResult:
-    """An object goes, and every scan has false alarms elsewhere."""
+    """Let an object go, while every scan has false alarms elsewhere."""
     random, target = np.random.default_rng(6), np.array([30.0, 20, 2, 3])
     session = MultiObjectSession(make)
     scans = site.scans(target[:, None], FOLLOWED, random)
     tracks = session.follow(scans)[-1]
     if column_of_nearest(tracks, moved_objects(target, scans[-1].time)) is None:
         return PartResult()
-    there, count, number = 0, round((LONGEST + 0.5) * RATE), 0
+    lasted, count, number = 0, round((LONGEST + 0.5) * RATE), 0
     for k in range(count):
         time, numbers = scans[-1].time + (k + 1) / RATE, number + np.arange(FEW if k % PERIOD else MANY)
         number += len(numbers)
-        # Spread evenly behind the sensor.
+        # False alarms are spread evenly behind the sensor.
         angle, r = np.pi * (0.9 + 0.9 * ((0.754878 * numbers) % 1)), 60 + 80 * ((0.569840 * numbers) % 1)
         places = np.array([r * np.cos(angle), r * np.sin(angle), 0 * r, 0 * r])
         tracks = session.step(site.scan(time, site.detections(places, 0.0, random), random))
-        there += bool((distances(tracks, moved_objects(target, time)[:2, None]) < 4 * NEAR).any())
-    text = f"it is there for {there / RATE:.1f} s of {count / RATE:g} s in which all detections are elsewhere"
-    return PartResult().note("deletion.among_others", there / RATE <= LONGEST, text, "never_deletes")
+        lasted += bool((distances(tracks, moved_objects(target, time)[:2, None]) < 4 * NEAR).any())
+    text = f"it is there for {lasted / RATE:.1f} s of {count / RATE:g} s in which all detections are elsewhere"
+    return PartResult().note("deletion.among_others", lasted / RATE <= LONGEST, text, "never_deletes")
 
 
 @doctor_check(
@@ -213,10 +214,10 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
     },
 )
 def ended_alone(make: Make, site: Site) -> PartResult:
-    """Two objects go at once, and three stay."""
+    """Let two objects go at once, and three stay."""
     session, (come, stay) = MultiObjectSession(make), _ending(site, np.random.default_rng(7))
-    both = session.follow(come)[-1]
-    if any(column_of_nearest(both, target) is None for target in moved_objects(EVERY, come[-1].time).T):
+    before = session.follow(come)[-1]
+    if any(column_of_nearest(before, target) is None for target in moved_objects(EVERY, come[-1].time).T):
         return PartResult()
     lost = np.zeros(STAYING.shape[1], dtype=bool)
     for scan in stay:
@@ -228,13 +229,13 @@ def ended_alone(make: Make, site: Site) -> PartResult:
 
 
 def _ending(site: Site, random: np.random.Generator | None) -> tuple[list[Scan], list[Scan]]:
-    """Scans until two objects go, which came first, and those of the three that stay."""
+    """Return the scans until two objects go, which came first, and the scans of the three that stay."""
     come = [*site.scans(LEAVING, COMES, random), *site.scans(EVERY, COMES, random, start=COMES)]
     return come, site.scans(STAYING, LONGEST + 0.5, random, start=2 * COMES)
 
 
 def _predicted_alone(make: Make, site: Site, result: PartResult) -> PartResult:
-    """The same without noise: nothing but a prediction that is left out puts the tracks that stay behind."""
+    """Check the tracks that stay without noise: nothing but a missing prediction puts them behind their objects."""
     session, (come, stay) = MultiObjectSession(make), _ending(site, None)
     session.follow(come[:-1])
     before, *after = [_behind(session.step(scan), moved_objects(STAYING, scan.time)) for scan in [come[-1], *stay]]
@@ -245,24 +246,24 @@ def _predicted_alone(make: Make, site: Site, result: PartResult) -> PartResult:
 
 
 def _behind(tracks: Tracks, targets: Array) -> float:
-    """Of the track that is the most behind its object along its way, in periods of the scans."""
+    """Return how far any track is behind its object along its way, in periods of the scans."""
     if not len(tracks.ids):
         return np.inf
-    away = targets - tracks.mean[:, distances(tracks, targets[:2]).argmin(axis=0)]
-    return float(np.abs(np.sum(away[:2] * targets[2:], axis=0) / np.sum(targets[2:] ** 2, axis=0)).max() * RATE)
+    difference = targets - tracks.mean[:, distances(tracks, targets[:2]).argmin(axis=0)]
+    return float(np.abs(np.sum(difference[:2] * targets[2:], axis=0) / np.sum(targets[2:] ** 2, axis=0)).max() * RATE)
 
 
 @doctor_check(Question("ended_detected", "Does a track stay while its object is detected?"), place=43)
 def ended_detected(make: Make, site: Site) -> PartResult:
-    """Three objects; every fourth scan is empty."""
+    """Detect three objects in three of four scans; every fourth scan is empty."""
     session, random = MultiObjectSession(make), np.random.default_rng(9)
     lost, had = (np.zeros(STAYING.shape[1], dtype=bool) for _ in range(2))
     for k, scan in enumerate(site.scans(STAYING, DETECTED, random)):
         tracks = session.step(with_detections(scan, scan.measurement[:, :0]) if k % 4 == 3 else scan)
-        there = np.array(
+        present = np.array(
             [column_of_nearest(tracks, target) is not None for target in moved_objects(STAYING, scan.time).T]
         )
-        lost, had = lost | (had & ~there), had | there
+        lost, had = lost | (had & ~present), had | present
     if not had.all():
         return PartResult()
     text = f"of {len(lost)} objects that three of four scans detect for {DETECTED:g} s, {sum(lost)} lose their tracks"

@@ -1,4 +1,4 @@
-"""What single detections and misses do to a track: its gate, and its probability of existence."""
+"""The gate of a track: which single detections it takes, by their distance from the prediction."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from trackbench.subjects.doctor.traffic import (
     with_detections,
 )
 
-#: A detection that no gate should leave out, by its probability, and a squared distance that none should let in.
+#: Probability of a detection that no gate should leave out, and squared distance that no gate should let in.
 INSIDE, OUTSIDE = 0.9, 50.0
-#: A track takes a detection if it moves by more than this share of a Kalman filter's step towards it.
+#: Share of a Kalman filter's step from which on a track has taken a detection.
 MOVED = 0.1
-#: Time that a track is followed once it is there, and in which it has to come, s.
+#: Time that a track is followed once it is there, and time within which it has to come, s.
 SETTLED, AWAITED = 0.5, 3.0
 
 
@@ -36,27 +36,27 @@ SETTLED, AWAITED = 0.5, 3.0
     faults={
         "gate_too_small": KnownFault(
             "the gate is too small",
-            "Where the squared distance of a detection is held against a threshold.",
+            "Where the squared distance of a detection is compared with a threshold.",
             "Take the point of chi-square with as many degrees of freedom as the measurement has, at 0.99 or more.",
             Role(rank=1),
         ),
         "gate_too_large": KnownFault(
             "the gate lets in what cannot be the track's own",
-            "Where the squared distance of a detection is held against a threshold.",
+            "Where the squared distance of a detection is compared with a threshold.",
             "Gate by the squared distance in units of the innovation's covariance, at 0.9999 of chi-square or less.",
             Role(rank=6),
         ),
     },
 )
 def gate_limits(make: Make, site: Site) -> PartResult:
-    """One detection at a known distance from where a track expects it."""
-    # A small gate loses objects that are fast: from their first detection they are not where a track expects them.
+    """Give one detection at a known distance from where a track expects it."""
+    # A small gate loses fast objects: after their first detection they are not where a track expects them.
     slow = OBJECTS * np.array([[1], [1], [0.1], [0.1]])
     inside = _steps(make, site, slow, float(2 * gammaincinv(len(site.sensor.components) / 2, INSIDE)))
     kept = [step > MOVED for step in inside]
-    # A tracker that reckons with more noise than is stated takes shorter steps, and its gate is wider by that.
-    own = min(1.0, float(np.median([step for step in inside if step > MOVED]))) if any(kept) else 1.0
-    taken = [step > MOVED for step in _steps(make, site, slow, OUTSIDE / own, alone=True)]
+    # A tracker that assumes more noise than stated takes shorter steps, and has a wider gate in the same ratio.
+    ratio = min(1.0, float(np.median([step for step in inside if step > MOVED]))) if any(kept) else 1.0
+    taken = [step > MOVED for step in _steps(make, site, slow, OUTSIDE / ratio, only_single=True)]
     result = PartResult()
     if kept:
         text = f"{sum(kept)} of {len(kept)} tracks take one at the {100 * INSIDE:.0f} % point of their innovation"
@@ -67,31 +67,31 @@ def gate_limits(make: Make, site: Site) -> PartResult:
     return result
 
 
-def _steps(make: Make, site: Site, objects: Array, distance: float, alone: bool = False) -> list[float]:
-    """Of each object that has a track: how far one goes towards a detection, over the step of a Kalman filter.
+def _steps(make: Make, site: Site, objects: Array, distance: float, only_single: bool = False) -> list[float]:
+    """Return how far a track of each object goes towards a detection, relative to a Kalman filter's step.
 
-    The detection is at a squared distance, at the time of the last scan. ``alone`` leaves out objects with several
-    tracks: what is far from one may be in the wide gate of a younger one.
+    The detection is at a squared distance, at the time of the last scan. ``only_single`` leaves out objects with
+    several tracks: a detection far from one may be in the wide gate of a younger one.
     """
     steps = (_step(make, site, target, number % 2, distance) for number, target in enumerate(objects.T))
-    return [step for step, count in steps if count == 1 or (count > 1 and not alone)]
+    return [step for step, count in steps if count == 1 or (count > 1 and not only_single)]
 
 
 def _step(make: Make, site: Site, target: Array, component: int, distance: float) -> tuple[float, int]:
-    """The longest step of the tracks on an object, and how many there are."""
-    session, left = MultiObjectSession(make), round(SETTLED * RATE)
+    """Return the longest step of the tracks on an object, and the number of these tracks."""
+    session, remaining = MultiObjectSession(make), round(SETTLED * RATE)
     for scan in site.scans(target[:, None], AWAITED):
         tracks = session.step(scan)
         column = column_of_nearest(tracks, moved_objects(target, scan.time))
-        left -= column is not None
-        if left == 0:
+        remaining -= column is not None
+        if remaining == 0:
             break
     if column is None:
         return 0.0, 0
     expected, covariance, gain = site.expected(tracks, column)
-    away = linalg.cholesky(covariance).lower()[:, component] * np.sqrt(distance)
-    after = session.step(with_detections(scan, (expected + away)[:, None]))
+    offset = linalg.cholesky(covariance).lower()[:, component] * np.sqrt(distance)
+    after = session.step(with_detections(scan, (expected + offset)[:, None]))
     _, before, behind = np.intersect1d(tracks.ids, after.ids, return_indices=True)
     steps = np.hypot(*(after.mean[:2, behind] - tracks.mean[:2, before]))
     count = int((distances(tracks, moved_objects(target, scan.time)[:, None]) < NEAR).sum())
-    return float(steps.max(initial=0.0) / np.hypot(*(gain @ away)[:2])), count
+    return float(steps.max(initial=0.0) / np.hypot(*(gain @ offset)[:2])), count

@@ -1,4 +1,4 @@
-"""When tracks begin and end, their identities, and what the order of detections and empty scans do to them."""
+"""Begin, end and identity of tracks, and the effect of the order of detections and of empty scans on them."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from trackbench.subjects.doctor.traffic import (
     moved_objects,
 )
 
-#: Longest time until a track is confirmed whose object every scan detects, and until one without detections ends, s.
+#: Longest time until the track of an object in every scan is confirmed, and until a track without detections ends, s.
 LATEST, LONGEST = 1.0, 3.0
-#: Share of isolated false alarms that may become tracks.
+#: Largest share of isolated false alarms that may become tracks.
 FALSE_TRACKS = 0.1
-#: Share of the time that the object in the middle may have two tracks.
+#: Largest share of the time in which the median object may have two tracks.
 TOLERATED = 0.1
-#: Pairs of objects that meet around the sensor: how many, at which range, m, when, s, how fast they come together, m/s,
-#: and how near they pass, in standard deviations of a position. Tracks of other velocities are of other objects.
+#: Pairs of objects that meet around the sensor: number of pairs; their range, m; time at which they meet, s; speed at
+#: which they come together, m/s; and distance in passing, in standard deviations of a position.
 PAIRS, AWAY, MEET, TOGETHER, PASSING = 5, 40.0, 2.0, 10.0, 0.5
-#: How far beside one of each pair a third one is, m, within the gates of new tracks; seeds of the noise and the orders.
+#: Distance of a third object beside one of each pair, m, within the gates of new tracks; seeds of noise and orders.
 NEXT, DRAWS = 2.0, (5, 6, 7)
-#: How many empty scans follow each other where one track's prediction is looked at, and objects that come at once.
+#: Number of empty scans in a row in which predictions are looked at, and number of objects that come at once.
 EMPTY, COMING = 3, 8
 
 
@@ -54,10 +54,10 @@ EMPTY, COMING = 3, 8
     },
 )
 def following(make: Make, site: Site) -> PartResult:
-    """Three objects far apart, each detected in every scan."""
+    """Detect three objects far apart in every scan."""
     scans = site.scans(OBJECTS, 3.0, np.random.default_rng(1))
-    count = _on_objects(MultiObjectSession(make).follow(scans), scans)
-    first = np.array([np.argmax(own > 0) if own.any() else len(own) for own in count.T])
+    count = _count_on_objects(MultiObjectSession(make).follow(scans), scans)
+    first = np.array([np.argmax(counts > 0) if counts.any() else len(counts) for counts in count.T])
     waited, never = float(np.median(first)) / RATE, bool(np.median(first) == len(scans))
     text = f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s"
     result = PartResult().note("confirmation", waited <= LATEST, text, "confirms_too_late")
@@ -78,7 +78,7 @@ def following(make: Make, site: Site) -> PartResult:
     },
 )
 def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
-    """Detections of nothing, one a scan, each at another place."""
+    """Give detections of nothing, one a scan, each at another place."""
     random = np.random.default_rng(3)
     count, angle = 120, 2.399963
     session, ids = MultiObjectSession(make), set()
@@ -110,38 +110,38 @@ def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
     },
 )
 def leaving(make: Make, site: Site) -> PartResult:
-    """An object goes and others stay; they go; twice others come elsewhere."""
-    random, stay, away = np.random.default_rng(4), 2.0, LONGEST + 0.5
+    """Let an object go while others stay, let these go too, and twice let others come elsewhere."""
+    random, stay_s, away_s = np.random.default_rng(4), 2.0, LONGEST + 0.5
     session, result = MultiObjectSession(make), PartResult()
-    before = session.follow(site.scans(OBJECTS, stay, random))[-1]
+    before = session.follow(site.scans(OBJECTS, stay_s, random))[-1]
     if not len(before.ids):
         return result
-    others = site.scans(moved_objects(OBJECTS[:, 1:], stay), away, random, origin=stay)
-    fewer = session.follow(others)
+    remaining = site.scans(moved_objects(OBJECTS[:, 1:], stay_s), away_s, random, origin=stay_s)
+    fewer = session.follow(remaining)
     stale = [
         (~_on(tracks, moved_objects(OBJECTS[:, 1:], scan.time))).any()
-        for tracks, scan in zip(fewer, others, strict=True)
+        for tracks, scan in zip(fewer, remaining, strict=True)
     ]
-    none = _until_none(session, site.scans(OBJECTS[:, :0], away, random, start=stay + away))
+    none = _step_until_no_tracks(session, site.scans(OBJECTS[:, :0], away_s, random, start=stay_s + away_s))
     lasted = [sum(stale) / RATE, sum(len(tracks.ids) > 0 for tracks in none) / RATE]
     text = (
-        f"it is there for {lasted[0]:.1f} s of {away:g} s without a detection while others are detected, "
-        f"and for {lasted[1]:.1f} s of {away:g} s of empty scans"
+        f"it is there for {lasted[0]:.1f} s of {away_s:g} s without a detection while others are detected, "
+        f"and for {lasted[1]:.1f} s of {away_s:g} s of empty scans"
     )
     result.note("deletion", max(lasted) <= LONGEST, text, "never_deletes")
     earlier = {track for tracks in (before, *fewer) for track in tracks.ids.tolist()} - set(none[-1].ids.tolist())
-    again, count, time = 0, 0, stay + 2 * away
+    reused, count, time = 0, 0, stay_s + 2 * away_s
     for turn in (0.0, 0.4):
         angle = turn + 2 * np.pi * np.arange(COMING) / COMING
         ring = np.array([70 * np.cos(angle), 70 * np.sin(angle), 5 * np.cos(angle), 5 * np.sin(angle)])
         wave = session.follow(site.scans(ring, LATEST, random, origin=time))
-        gone = _until_none(session, site.scans(OBJECTS[:, :0], away, random, start=time + LATEST))
+        gone = _step_until_no_tracks(session, site.scans(OBJECTS[:, :0], away_s, random, start=time + LATEST))
         ids = {track for tracks in wave for track in tracks.ids[_on(tracks, moved_objects(ring, LATEST / 2))].tolist()}
-        again, count = again + len(ids & earlier), count + len(ids)
-        earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away
+        reused, count = reused + len(ids & earlier), count + len(ids)
+        earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away_s
     if count:
-        text = f"of the identities of {count} new tracks {again} were those of earlier ones"
-        result.note("identities", not again, text, "ids_reused")
+        text = f"of the identities of {count} new tracks {reused} were those of earlier ones"
+        result.note("identities", not reused, text, "ids_reused")
     return result
 
 
@@ -158,13 +158,13 @@ def leaving(make: Make, site: Site) -> PartResult:
     },
 )
 def order(make: Make, site: Site) -> PartResult:
-    """Objects that are far from each other before they meet, their detections in two random orders."""
+    """Give the detections of objects that are far from each other before they meet, in two random orders."""
     objects, changed = _meeting(site), ""
-    # In each of several draws: which of two assignments that cost almost the same is taken may depend on the order.
+    # Several draws: the order may decide which of two assignments with almost the same cost is taken.
     for seed in DRAWS:
         random = np.random.default_rng(seed)
         scans = site.scans(objects, 1.5 * MEET, random)
-        # Not only the other way round: a track that takes the detection in its own column would not tell.
+        # Both orders are random: in a reversed one, a track that takes the detection in its own column might not show.
         mixed = [site.scan(scan.time, scan.measurement, random) for scan in scans]
         changed = _difference(MultiObjectSession(make).follow(scans), MultiObjectSession(make).follow(mixed))
         if not changed:
@@ -174,27 +174,27 @@ def order(make: Make, site: Site) -> PartResult:
 
 
 def _meeting(site: Site) -> Array:
-    """``(4, n)`` at time 0."""
+    """Return objects ``(4, n)`` at time 0 that meet in pairs around the sensor, each with a third one beside it."""
     detection = site.scan(0.0, site.detections(np.array([[AWAY], [0], [0], [0]])), np.random.default_rng(0))
     sigma = np.sqrt(np.linalg.eigvalsh(site.sensor.position(detection).covariance.reshape(2, 2)).max())
     angle = 2 * np.pi * np.arange(PAIRS) / PAIRS
     out, velocity = np.array([np.cos(angle), np.sin(angle)]), TOGETHER / 2 * np.array([-np.sin(angle), np.cos(angle)])
     ranges = AWAY + PASSING * sigma * np.array([0.5, -0.5, 0.5]) + np.array([0, 0, NEXT])
-    met = [np.concatenate([at * out, sign * velocity]) for at, sign in zip(ranges, (1, -1, 1), strict=True)]
+    met = [np.concatenate([range_m * out, sign * velocity]) for range_m, sign in zip(ranges, (1, -1, 1), strict=True)]
     return moved_objects(np.concatenate(met, axis=1), -MEET)
 
 
-def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
-    """What differs in tracks of the same detections, apart from their ids."""
-    for tracks, other in zip(answers, others, strict=True):
+def _difference(answers: Sequence[Tracks], reordered: Sequence[Tracks]) -> str:
+    """Describe how tracks of the same detections differ, apart from their ids; empty where they do not."""
+    for tracks, other in zip(answers, reordered, strict=True):
         if len(tracks.ids) != len(other.ids):
             return f"{len(other.ids)} tracks in place of {len(tracks.ids)}"
         if not len(tracks.ids):
             continue
         between = distances(tracks, other.mean)
-        apart = max(float(between.min(axis=0).max()), float(between.min(axis=1).max()))
-        if not apart < 1e-6:
-            return f"positions {apart:.2g} m apart"
+        distance = max(float(between.min(axis=0).max()), float(between.min(axis=1).max()))
+        if not distance < 1e-6:
+            return f"positions {distance:.2g} m apart"
     return ""
 
 
@@ -211,7 +211,7 @@ def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
     },
 )
 def tracks_at_empty_scans(make: Make, site: Site) -> PartResult:
-    """A few empty scans after objects that every scan detected."""
+    """Give a few empty scans after objects that every scan detected."""
     session = MultiObjectSession(make)
     scans = site.scans(OBJECTS, 2.0)
     last = session.follow(scans)[-1]
@@ -222,7 +222,7 @@ def tracks_at_empty_scans(make: Make, site: Site) -> PartResult:
         tracks, elapsed = session.step(scan), scan.time - scans[-1].time
         if not len(tracks.ids):
             continue
-        # Of the tracks' own velocities: what they should have become is known without an error.
+        # The tracks' own velocities say without an error where the tracks should be.
         error = distances(tracks, moved_objects(last.mean, elapsed)).min(axis=0)
         way = elapsed * np.hypot(*last.mean[2:])
         share = float(np.median(error / way))
@@ -238,15 +238,14 @@ def tracks_at_empty_scans(make: Make, site: Site) -> PartResult:
 
 
 def _single_tracks(result: PartResult, name: str, count: Array) -> PartResult:
-    """Note whether each object has one track; ``count`` ``(scans, objects)`` is that of its tracks."""
-    # Of the object in the middle: a second track of another one may come of a single outlying detection.
+    """Check that each object has one track; ``count`` ``(scans, objects)`` is its number of tracks."""
+    # The median object counts: a second track of one may come of a single outlying detection.
     twice = float(np.median((count > 1).mean(axis=0)))
     text = f"an object has two tracks or more for {100 * twice:.0f} % of the time"
     return result.note(name, twice <= TOLERATED, text, "double_tracks")
 
 
-def _on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array:
-    """``(scans, objects)`` number of tracks on each."""
+def _count_on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array:
     near = [
         distances(tracks, moved_objects(OBJECTS, scan.time)) < NEAR for tracks, scan in zip(answers, scans, strict=True)
     ]
@@ -254,12 +253,11 @@ def _on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array:
 
 
 def _on(tracks: Tracks, objects: Array) -> Mask:
-    """``(K,)`` which tracks are on an object."""
+    """Return which tracks are on an object ``(K,)``."""
     return np.asarray((distances(tracks, objects) < NEAR).any(axis=1))
 
 
-def _until_none(session: MultiObjectSession, scans: Sequence[Scan]) -> list[Tracks]:
-    """The tracks after each scan, until there is none."""
+def _step_until_no_tracks(session: MultiObjectSession, scans: Sequence[Scan]) -> list[Tracks]:
     answers: list[Tracks] = []
     for scan in scans:
         answers.append(session.step(scan))

@@ -1,10 +1,11 @@
-"""How probabilistic association weighs a detection against a miss, as the mean and the covariance of a track show it.
+"""Weight of a detection against a miss in probabilistic association, by the mean and the covariance of a track.
 
-With one detection in its gate a track goes ``b`` of a Kalman filter's step, where ``b / (1 - b) = Pd N(y; S) / (L (1 -
-Pd Pg))`` with the detection probability Pd, the likelihood N of the innovation y, the density of clutter L and the
-probability of the gate Pg, nearly 1. Two detections on both sides of the predicted one leave the mean as it is, and the
-covariance has the spread of the two means (Bar-Shalom, Daum and Huang 2009, equations 38 to 44). With one detection it
-is that of the miss and that of the update, as their weights say, and b (1 - b) times the square of the step.
+With one detection in its gate a track goes the share ``b`` of a Kalman filter's step, where ``b / (1 - b)`` is
+``Pd N(y; S) / (L (1 - Pd Pg))`` with the detection probability Pd, the likelihood N of the innovation y, the clutter
+density L and the gate probability Pg, nearly 1. Two detections on both sides of the predicted one leave the mean as it
+is, and the covariance has the spread of the two means (Bar-Shalom, Daum and Huang 2009, equations 38 to 44). With one
+detection the covariance is the weighted mean of those after a miss and after an update, plus b (1 - b) times the square
+of the step.
 """
 
 from __future__ import annotations
@@ -31,22 +32,23 @@ from trackbench.subjects.doctor.traffic_checks.detections import INSIDE
 
 #: Time for which an object is followed, s.
 FOLLOWED = 1.0
-#: Another detection probability that is stated: the odds at 0.9 over those at 0.5 are 9, with a gate of 0.9 still 5.
+#: Second stated detection probability; ratio of the odds at 0.9 to those at 0.5, which is 5 with a gate of 0.9; and
+#: largest factor, either way, by which the ratio may differ.
 OTHER, RATIO, BAND = 0.5, 9.0, 2.5
-#: Stated clutter, relative to that for which the odds are 1: one is looked for at which both count; and none.
+#: Stated clutter, relative to that with odds of 1, among which one is looked for at which both count; and hardly any.
 CLUTTER, NO_CLUTTER = (1.0, 1e-2, 1e2, 1e-4, 1e4, 1e-6, 1e6), 1e-9
-#: Changes of the clutter, by how much more or less the odds may change, and how far they may be from what is right.
+#: Changes of the clutter; factors by which the odds may change otherwise, and by which they may be wrong, either way.
 CHANGES, CHANGED, SIZE = (10.0, 0.1), 1.5, 3.0
-#: Weights of which the odds can be computed; a tracker that takes a detection or leaves it has none.
+#: Weights from which odds can be computed; those of a tracker that takes a detection or leaves it are outside.
 BETWEEN = (0.002, 0.998)
-#: Least share of a Kalman filter's step without clutter.
+#: Least step without clutter, relative to a Kalman filter's.
 LEAST = 0.1
-#: Share of the spread of the means from which on the covariance has it.
+#: Least share of the spread of the means that the covariance has to have.
 SPREAD = 0.3
-#: Odds at which the spread by one detection is compared, and up to which multiple of it the covariance may have. One
-#: from which the square of the mean's step is not taken off as a whole has 1.67 times as much there.
+#: Odds at which the spread by one detection is compared, and largest multiple of it that the covariance may have. If
+#: the square of the mean's step is not taken off as a whole, the covariance has 1.67 times as much.
 ODDS, MOST = 2.0, 1.35
-#: Step by detections on both sides, over that by one of them, up to which both count.
+#: Largest step by detections on both sides, relative to the step by one of them, at which both count.
 BOTH = 0.2
 
 
@@ -59,22 +61,22 @@ class WeighedTrack(FollowedTrack):
 
     @cached_property
     def beside(self) -> Array:
-        """``(m,)`` the detection, from the predicted one: inside of every gate, along the first component."""
+        """Offset ``(m,)`` of a detection from the predicted one: within every gate, along the first component."""
         return np.asarray(np.sqrt(self.distance) * linalg.cholesky(self.geometry[1]).lower()[:, 0])
 
     @property
     def distance(self) -> float:
-        """Squared, in units of the innovation's covariance."""
+        """Squared length of ``beside``, in units of the innovation's covariance."""
         return float(2 * gammaincinv(len(self.geometry[0]) / 2, INSIDE))
 
     @cached_property
     def even(self) -> float:
-        """Density of clutter with which the odds of the detection beside are 1."""
+        """Clutter density with which the detection at ``beside`` has odds of 1."""
         peak = 1 / np.sqrt(np.linalg.det(2 * np.pi * self.geometry[1]))
         return float(DETECTION * peak * np.exp(-self.distance / 2) / (1 - DETECTION))
 
     def after(self, detections: Sequence[Array], chance: float, density: float) -> tuple[Array, Array] | None:
-        """Mean and covariance after some detections; None: the track has ended, or no answer comes of such clutter."""
+        """Return mean and covariance after some detections; None where the track has ended, or refuses such clutter."""
         expected = self.geometry[0][:, None]
         measured = expected + np.stack(detections, axis=1) if detections else expected[:, :0]
         scan = self.scans[-1]._replace(detection_probability=chance, clutter_density=density)
@@ -85,28 +87,28 @@ class WeighedTrack(FollowedTrack):
 
     @cached_property
     def whole(self) -> Array | None:
-        """``(4,)`` the step to the detection beside without clutter."""
+        """Step ``(4,)`` to the detection at ``beside`` without clutter; None where the track has ended."""
         after = self.after([self.beside], DETECTION, NO_CLUTTER * self.even)
         return None if after is None else after[0] - self.mean
 
     def share(self, detections: Sequence[Array], chance: float, clutter: float) -> float | None:
-        """How far the track goes along the whole step, as a share of it."""
+        """Return the step by some detections as a share of the step ``whole``; None where the track has ended."""
         after, whole = self.after(detections, chance, clutter * self.even), self.whole
         if after is None or whole is None:
             return None
         return float((after[0] - self.mean)[:2] @ whole[:2] / (whole[:2] @ whole[:2]))
 
-    def odds(self, chance: float, clutter: float, away: Array | None = None) -> float | None:
-        """Of the detection beside, or another one, against a miss; None where one of them does not count."""
-        weight = self.share([self.beside if away is None else away], chance, clutter)
+    def odds(self, chance: float, clutter: float, offset: Array | None = None) -> float | None:
+        """Return the odds of a detection, by default at ``beside``, against a miss; None unless both count."""
+        weight = self.share([self.beside if offset is None else offset], chance, clutter)
         if weight is None or not BETWEEN[0] < weight < BETWEEN[1]:
             return None
         return weight / (1 - weight)
 
     def telling_odds(self) -> tuple[float, float | None]:
-        """The first density of clutter at which both count, and the odds of the detection beside there; 0 and None."""
-        tried = ((clutter, self.odds(DETECTION, clutter)) for clutter in CLUTTER)
-        return next(((clutter, odds) for clutter, odds in tried if odds is not None), (0.0, None))
+        """Return the first stated clutter at which detection and miss count, and the odds there; else 0 and None."""
+        candidates = ((clutter, self.odds(DETECTION, clutter)) for clutter in CLUTTER)
+        return next(((clutter, odds) for clutter, odds in candidates if odds is not None), (0.0, None))
 
 
 @doctor_check(
@@ -138,35 +140,34 @@ def weights(make: Make, site: Site) -> PartResult:
     way = np.hypot(*(track.geometry[2] @ track.beside)[:2])
     if track.whole is None or np.hypot(*track.whole[:2]) < LEAST * way:
         return result
-    _of_odds(track, result)
-    _of_spread(track, result)
-    _of_one(track, result)
+    _check_odds(track, result)
+    _check_spread_of_means(track, result)
+    _check_spread_of_one(track, result)
     return result
 
 
-def _of_odds(track: WeighedTrack, result: PartResult) -> None:
-    """The odds by what is stated."""
+def _check_odds(track: WeighedTrack, result: PartResult) -> None:
     clutter, odds = track.telling_odds()
     if odds is None:
         return
-    other = track.odds(OTHER, clutter)
-    if other is not None:
+    other_odds = track.odds(OTHER, clutter)
+    if other_odds is not None:
         text = (
             f"from a stated detection probability of {OTHER:g} to one of {DETECTION:g} the odds of a detection against "
-            f"a miss rise {odds / other:.3g} times, where {RATIO:g} times is right"
+            f"a miss rise {odds / other_odds:.3g} times, where {RATIO:g} times is right"
         )
-        passed = abs(np.log(odds / other / RATIO)) < np.log(BAND)
+        passed = abs(np.log(odds / other_odds / RATIO)) < np.log(BAND)
         result.note("weight_of_misses", bool(passed), text, "pd_misstated")
         if not passed:
             return
-    others = ((change, track.odds(DETECTION, change * clutter)) for change in CHANGES)
-    change, changed = next(((change, odds) for change, odds in others if odds is not None), (1.0, None))
+    odds_by_change = ((change, track.odds(DETECTION, change * clutter)) for change in CHANGES)
+    change, changed = next(((change, odds) for change, odds in odds_by_change if odds is not None), (1.0, None))
     if changed is None:
         return
     text = f"{change:g} times the clutter divides the odds of a detection against a miss by {odds / changed:.3g}"
     passed = abs(np.log(odds / changed / change)) < np.log(CHANGED)
     sideways = track.odds(DETECTION, clutter, track.beside + 2 * linalg.cholesky(track.geometry[1]).lower()[:, -1])
-    # One that leaves a component out has a clutter per volume of the others.
+    # A tracker that leaves a component out has a clutter density per volume of the other components.
     if passed and (sideways is None or sideways < 0.5 * odds):
         factor = 1 / (odds * clutter)
         text = f"a detection weighs against a miss as if the clutter were {factor:.3g} times what is stated"
@@ -174,15 +175,14 @@ def _of_odds(track: WeighedTrack, result: PartResult) -> None:
     result.note("weight_of_clutter", bool(passed), text, "clutter_misstated")
 
 
-def _of_spread(track: WeighedTrack, result: PartResult) -> None:
-    """Detections on both sides of the predicted one, and the predicted one alone."""
+def _check_spread_of_means(track: WeighedTrack, result: PartResult) -> None:
     both, density = [track.beside, -track.beside], NO_CLUTTER * track.even
-    after, alone = track.after(both, DETECTION, density), track.after([0 * track.beside], DETECTION, density)
+    after, centred = track.after(both, DETECTION, density), track.after([0 * track.beside], DETECTION, density)
     share = track.share(both, DETECTION, NO_CLUTTER)
-    if after is None or alone is None or share is None or track.whole is None or abs(share) > BOTH:
+    if after is None or centred is None or share is None or track.whole is None or abs(share) > BOTH:
         return
     along = track.whole / np.linalg.norm(track.whole)
-    added = float(along @ (after[1] - alone[1]) @ along) / float(track.whole @ track.whole)
+    added = float(along @ (after[1] - centred[1]) @ along) / float(track.whole @ track.whole)
     text = (
         "two detections on both sides of the predicted one leave the mean as it is, and the variance rises "
         f"{added:.3g} times as much as the distance of the two means causes"
@@ -190,14 +190,13 @@ def _of_spread(track: WeighedTrack, result: PartResult) -> None:
     result.note("spread_of_means", added > SPREAD, text, "covariance_update_wrong")
 
 
-def _of_one(track: WeighedTrack, result: PartResult) -> None:
-    """One detection that counts about as much as a miss, between the covariances of a sure one and of none."""
+def _check_spread_of_one(track: WeighedTrack, result: PartResult) -> None:
     clutter, odds = track.telling_odds()
     density = clutter * (odds or 0.0) / ODDS
     share = track.share([track.beside], DETECTION, density) if density else None
     missed, sure, after = (
-        track.after(detections, DETECTION, stated * track.even)
-        for detections, stated in (([], NO_CLUTTER), ([track.beside], NO_CLUTTER), ([track.beside], density))
+        track.after(detections, DETECTION, relative * track.even)
+        for detections, relative in (([], NO_CLUTTER), ([track.beside], NO_CLUTTER), ([track.beside], density))
     )
     if share is None or missed is None or sure is None or after is None or track.whole is None:
         return
