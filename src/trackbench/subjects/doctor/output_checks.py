@@ -17,8 +17,8 @@ from trackbench.subjects.doctor.matrices import largest_entry
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.trackers.answers import Tracker
 
-#: Negative eigenvalue beyond rounding, of a covariance scaled to unit variances.
-NEGATIVE = 1e-6
+#: Asymmetry or negative eigenvalue beyond rounding, of a covariance scaled to unit variances.
+ROUNDING = 1e-6
 
 
 @contextmanager
@@ -93,7 +93,7 @@ class OutputChecks:
             return
         relative = scaled_covariances(np.moveaxis(covariance[:, :, finite_columns], -1, 0))
         asymmetries, least = asymmetry(relative), least_eigenvalue(relative)
-        self.indefinite_estimates += int(np.sum(least < -NEGATIVE))
+        self.indefinite_estimates += int(np.sum(least < -ROUNDING))
         most, lowest = int(finite_columns[np.argmax(asymmetries)]), int(finite_columns[np.argmin(least)])
         largest, smallest = float(asymmetries.max()), float(least.min())
         if self.asymmetry is None or largest > self.asymmetry.size:
@@ -123,8 +123,6 @@ def _case(size: float, scan: Scan, where: str, scans: Callable[[], Sequence[Scan
     return WorstCase(size, where, scan.time, scan.sensor, scans)
 
 
-#: Asymmetry or negative eigenvalue beyond rounding, of a covariance scaled to unit variances.
-ROUNDING = 1e-6
 Make = Callable[[], Tracker]
 Measure = Callable[[Array], Array]
 Blame = Callable[[Array, Array, Array | None], bool]

@@ -215,7 +215,6 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks of targets with many velocities, with noise, and compute the NEES of the first estimates."""
     random = np.random.default_rng([tracker.seed, 0])
     nees: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
-    errors: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
     probes = [_random_target(random).placed(tracker.probes.site) for _ in range(STARTS)]
     for name in tracker.sensors:
         for first in first_estimates(tracker, probes, name, random):
@@ -224,9 +223,6 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
             tracker.output_checks.add(first.estimate, first.scan, first.probe.name, first.scans)
             if finite(first.estimate):
                 nees[name].append(_nees_of_parts(first))
-                # Each component in its stated standard deviations.
-                sigma = np.sqrt(np.maximum(np.diag(first.estimate.covariance), np.finfo(float).tiny))
-                errors[name].append(np.asarray((first.estimate.mean - first.truth) / sigma))
     by_sensor = {name: np.array(values) for name, values in nees.items() if len(values) > STARTS // 2}
     if not by_sensor:
         return PartResult().add("start_confidence", None, "no track started")
