@@ -1,1 +1,5 @@
-"""How a tracker is stepped: in this process where it is built in, in one of its own where it is not."""
+"""Stepping of trackers: built-in ones in this process, others in a process of their own.
+
+Scans and a tracker's configuration come in; checked estimates or tracks, or a tracker's fault, go out. Read
+``steppers.py`` first.
+"""

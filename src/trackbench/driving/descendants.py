@@ -1,4 +1,4 @@
-"""Processes that descend from another one, on Linux. Elsewhere none are known, and these functions do nothing."""
+"""Descendants of a process on Linux. On other systems none are found, and these functions do nothing."""
 
 from __future__ import annotations
 
@@ -14,26 +14,21 @@ PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def adopt_orphans() -> None:
-    """Become the parent of every descendant whose own parent ends, also of those in sessions of their own."""
+    """Become the parent of every descendant whose parent ends, even of descendants in their own sessions."""
     _prctl(PR_SET_CHILD_SUBREAPER, 1)
 
 
 def end_with_parent(parent: int, number: signal.Signals) -> None:
-    """Get a signal when the parent ends, or now if it has.
-
-    Args:
-        parent: number of the process that started this one, which has a single thread.
-        number: the signal.
-    """
+    """Receive a signal when the parent, a process with a single thread, ends; at once if it has ended."""
     _prctl(PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:
         os.kill(os.getpid(), number)
 
 
 def children(process: int) -> list[int]:
-    """Return the processes that one has started or adopted, also those that ended and were not waited for."""
+    """Return the processes that a process has started or adopted, also ended ones that were not waited for."""
     numbers: list[int] = []
-    # The process may end meanwhile, or one of its threads.
+    # The process or one of its threads may end meanwhile.
     with suppress(OSError):
         for thread in os.listdir(f"/proc/{process}/task"):
             with suppress(OSError):
@@ -49,13 +44,13 @@ def descendants(process: int) -> Iterator[int]:
 
 
 def memory_of(processes: Sequence[int], most: int) -> int:
-    """Return the resident memory of processes, bytes; where that is above ``most``, what several share counts once."""
-    resident = sum(map(_resident, processes))
-    return resident if resident <= most else sum(map(_proportional, processes))
+    """Return the resident memory of processes, bytes; above ``most``, memory that they share counts once."""
+    resident = sum(map(_resident_memory, processes))
+    return resident if resident <= most else sum(map(_proportional_memory, processes))
 
 
 def end_marked(mark: str) -> None:
-    """Kill all processes that were started with ``NAME=value`` in their environment."""
+    """Kill all processes with ``mark``, such as ``NAME=value``, in their environment."""
     for place in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             if mark.encode() in (place / "environ").read_bytes():
@@ -63,7 +58,7 @@ def end_marked(mark: str) -> None:
 
 
 def end_descendants() -> None:
-    """Kill all that descends from this process, which adopts orphans, and wait for it."""
+    """Kill all descendants of this process, which adopts orphans, and wait for them."""
     while processes := children(os.getpid()):
         for process in processes:
             with suppress(ProcessLookupError):
@@ -73,25 +68,25 @@ def end_descendants() -> None:
                 os.waitpid(process, 0)
 
 
-def _resident(process: int) -> int:
+def _resident_memory(process: int) -> int:
     try:
         return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, IndexError):
         return 0
 
 
-def _proportional(process: int) -> int:
-    """Return the resident memory of a process, with its share of what it shares with other processes, bytes."""
+def _proportional_memory(process: int) -> int:
+    """Return the resident memory of a process, bytes; shared memory counts in proportion to its users."""
     try:
         text = Path(f"/proc/{process}/smaps_rollup").read_text()
     except OSError:
-        return _resident(process)
+        return _resident_memory(process)
     return next((int(line.split()[1]) * 1024 for line in text.splitlines() if line.startswith("Pss:")), 0)
 
 
 def _prctl(option: int, value: int) -> None:
     if sys.platform == "linux":
-        # Imported here: --help need not wait for it.
+        # Imported late, so that --help is fast.
         import ctypes
 
         ctypes.CDLL(None).prctl(option, value, 0, 0, 0)

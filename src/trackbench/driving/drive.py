@@ -1,4 +1,4 @@
-"""What a tracker is given at each instant, scans of one object or of several."""
+"""Order in which scans reach a tracker, for single-object and multi-object trackers."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Answer = TypeVar("Answer")
 
 
 class Delivery(NamedTuple):
-    """Scan that a tracker is given."""
+    """Scan given to a tracker."""
 
     scan: Scan
     number: int | None
-    """Index of the scan in acquisition order; None if only an estimate is asked for."""
+    """Index of the scan in acquisition order; None if the scan only asks for an estimate."""
     read: bool
-    """Whether the scan is of a sensor that the tracker reads."""
+    """Whether the tracker uses the scan's sensor."""
 
 
 def empty_scan(scan: Scan) -> Scan:
-    """Return a scan without detections, for a sensor that the tracker does not read: it asks for an estimate.
+    """Return a scan without detections, which asks a tracker for an estimate.
 
     With hidden identities it has no columns, and states that the sensor could have detected nothing.
     """
@@ -38,59 +38,54 @@ def empty_scan(scan: Scan) -> Scan:
 def deliveries(
     scans: Sequence[Scan], sensors: Collection[str] | None = None, each_measurement: bool = False
 ) -> Iterator[list[Delivery]]:
-    """Yield the scans that arrive by each instant at which a sensor measures, and after the instant before it.
+    """Yield for each instant the scans that have arrived by it and were not yielded before.
 
-    A tracker is scored at each instant by its answer to the last of these scans. Where no scan that was taken at the
-    instant has arrived, an empty one asks for the estimate. Without latency each scan arrives at its instant.
+    A tracker is scored at each instant by its answer to the last of these scans. If no scan taken at the instant has
+    arrived, an empty scan asks for the estimate. Without latency each scan arrives at its instant.
 
     Args:
-        scans: in the order in which they were taken.
-        sensors: names of the sensors that the tracker reads; None for all.
-        each_measurement: whether each scan is an instant of its own, also where several are taken at one time. Where
-            some are late, all that has arrived is given at the first of them.
+        scans: scans in acquisition order.
+        sensors: names of the sensors that the tracker uses; None for all.
+        each_measurement: whether each scan is an instant of its own, even if several share a time. With late scans, the
+            first of them then delivers all that has arrived.
     """
-    late = any(scan.arrival_time > scan.time for scan in scans)
-    # Stable: what arrives together stays in the order in which it was taken.
+    has_late_scans = any(scan.arrival_time > scan.time for scan in scans)
+    # Stable: scans that arrive together stay in acquisition order.
     on_its_way = sorted(range(len(scans)), key=lambda number: (scans[number].arrival_time, scans[number].time))
     on_its_way.reverse()
-    most = 1 if each_measurement and not late else len(scans)
+    limit = 1 if each_measurement and not has_late_scans else len(scans)
     for _, group in groupby(scans, key=id if each_measurement else lambda scan: scan.time):
         latest = list(group)[-1]
         instant = latest.time
         delivered: list[Delivery] = []
-        while on_its_way and len(delivered) < most and scans[on_its_way[-1]].arrival_time <= instant + SAME_TIME:
+        while on_its_way and len(delivered) < limit and scans[on_its_way[-1]].arrival_time <= instant + SAME_TIME:
             number = on_its_way.pop()
             scan = scans[number]
-            read = sensors is None or scan.sensor in sensors
-            if read or not late:
-                delivered.append(Delivery(scan if read else empty_scan(scan), number, read))
-        if late and (not delivered or delivered[-1].scan.time != instant):
+            is_read = sensors is None or scan.sensor in sensors
+            if is_read or not has_late_scans:
+                delivered.append(Delivery(scan if is_read else empty_scan(scan), number, is_read))
+        if has_late_scans and (not delivered or delivered[-1].scan.time != instant):
             delivered.append(Delivery(empty_scan(latest)._replace(arrival_time=instant, asked=True), None, False))
         yield delivered
 
 
 def scans_read(scans: Iterable[Scan], sensors: Collection[str] | None) -> Iterator[Scan]:
-    """Return the scans, without detections those of sensors that a tracker does not read.
-
-    Args:
-        scans: in the order in which they were taken.
-        sensors: names of the sensors that the tracker reads; None for all.
-    """
+    """Yield the scans, emptied if their sensor is not one of ``sensors``; None stands for all sensors."""
     return (scan if sensors is None or scan.sensor in sensors else empty_scan(scan) for scan in scans)
 
 
 class DriveStep(NamedTuple, Generic[Answer]):
-    """Step of a tracker."""
+    """One step of a tracker with its answer."""
 
     instant: int
     """Index of the instant at which the step is taken."""
     scan: Scan
     number: int | None
-    """Index of the scan in acquisition order; None if only an estimate is asked for."""
+    """Index of the scan in acquisition order; None if the scan only asks for an estimate."""
     read: bool
-    """Whether the scan is of a sensor that the tracker reads."""
+    """Whether the tracker uses the scan's sensor."""
     answer: Answer
     seconds: float
-    """Duration without the making of kernels, s; NaN of a smoother, which does not work step by step."""
+    """Duration without the compilation of kernels, s; NaN for a smoother, which has no single steps."""
     last: bool
-    """Whether the tracker is scored at this instant by this answer."""
+    """Whether this answer is the scored one of its instant."""

@@ -1,4 +1,4 @@
-"""Faults of trackers: the cause, and the place in the code of the tracker."""
+"""Faults of trackers: their cause and their place in the tracker's code."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from trackbench.base.errors import InputError, InputErrors, TrackbenchError, pri
 from trackbench.base.user_code import place_of
 from trackbench.trackers.answers import TrackerFault
 
-#: Invalid output; a failed calculation; any other exception; a process that died or was ended.
+#: Kinds of fault: invalid output, failed calculation, any other exception, a process that died or was ended.
 Kind = Literal["answer", "arithmetic", "raised", "died"]
 KINDS = get_args(Kind)
 
-#: What Python raises where something asks for input and there is none: a debugger, ``input()``.
+#: Exceptions of a debugger or of ``input()`` in a process without a terminal.
 ASKING = ("BdbQuit", "EOFError")
 
 
 class TrackFault(Exception):
-    """A tracker cannot go on.
+    """Failure of a tracker that ends its run.
 
     Args:
         cause: what went wrong, in one line.
-        kind: what sort of fault it is.
-        place: file, line and function of the tracker's code, where it is known.
-        member: number of the member of the batch that it happened to, where it is known.
+        kind: kind of the fault.
+        place: file, line and function of the tracker's code, if known.
+        member: index of the affected member of the batch, if known.
     """
 
     def __init__(self, cause: str, kind: Kind, place: str | None = None, member: int | None = None) -> None:
@@ -40,7 +40,7 @@ class TrackFault(Exception):
 
 
 def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
-    """Return an error in a tracker as a fault; ``member`` is the member of the batch, where it is known."""
+    """Return the fault for an error in a tracker; ``member`` is the affected member of the batch, if known."""
     if isinstance(error, TrackFault):
         return error
     kind: Kind = "raised"
@@ -53,11 +53,11 @@ def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
 
 def _cause(error: BaseException) -> str:
     name, text = type(error).__name__, ""
-    # An error may not be able to say itself.
+    # ``str`` of an error may itself fail.
     with suppress(Exception):
         text = str(error)
     if not isinstance(error, TrackbenchError):
-        # An error of a package may explain itself at length.
+        # Errors of packages may have many lines.
         text = text.strip().partition("\n")[0]
     text = printable(text)
     if isinstance(error, TrackbenchError | TrackerFault):
@@ -68,7 +68,7 @@ def _cause(error: BaseException) -> str:
 
 
 def error_message(error: BaseException) -> dict[str, Any]:
-    """Return the message by which the process of a tracker reports an error."""
+    """Return the protocol message with which a tracker's process reports an error."""
     if isinstance(error, InputError | InputErrors):
         problems = error.errors if isinstance(error, InputErrors) else [error]
         return {"type": "error", "message": str(error), "input": [[each.message, each.key] for each in problems]}
@@ -77,12 +77,12 @@ def error_message(error: BaseException) -> dict[str, Any]:
 
 
 def reported_error(message: Mapping[str, Any], members: int, name: str) -> InputError | InputErrors | TrackFault:
-    """Return the error that a message reports; what is malformed in it is left out.
+    """Return the error that a protocol message reports, without its malformed parts.
 
     Args:
-        message: of the type ``error``.
+        message: message of the type ``error``.
         members: number of members of the batch.
-        name: text with which the cause begins.
+        name: prefix of the cause.
     """
     match message.get("input"):
         case [[str(), _], *_] as problems:

@@ -1,6 +1,6 @@
-"""The process that starts the processes of trackers: it has imported what they need, and holds no truth.
+"""Server process that forks the processes of trackers. It has imported their modules and holds no ground truth.
 
-A start takes .02 s by a fork, and .5 s by a new interpreter. The server also ends what trackers leave behind.
+A fork takes .02 s, a new interpreter .5 s. The server also ends processes that trackers leave behind.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from trackbench.driving.descendants import adopt_orphans, end_descendants, end_w
 from trackbench.driving.frames import LENGTH, frame_message, message_frame
 from trackbench.driving.process import HOST, NUMBER
 
-#: Bytes of a launch that are read at once, and period at which the server looks whether the bench is still there, s.
+#: Bytes of a launch request read at once, and period at which the server checks that the bench still runs, s.
 LAUNCH_BYTES, ORPHANED = 1 << 16, 2.0
 
 
 def serve(descriptor: int) -> None:
-    """Start a process for each launch, and report its number and how it ends, until the bench ends.
+    """Start a process for each launch request, and report its id and its exit status, until the bench ends.
 
     Args:
-        descriptor: of the socket by which a launch comes, with descriptors for reports, standard input, standard output
-            and, where the bench sends a fourth one, standard error.
+        descriptor: socket of the launch requests. Each brings the descriptors for reports, standard input, standard
+            output and, optionally, standard error.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     adopt_orphans()
@@ -58,16 +58,16 @@ def serve(descriptor: int) -> None:
             except TimeoutError:
                 continue
             except ValueError:
-                # Nothing comes any more.
+                # The bench has closed its end of the socket.
                 break
             while len(request) < LENGTH.size + LENGTH.unpack_from(request)[0]:
                 request += control.recv(LAUNCH_BYTES)
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCHLD})
-            own, process = os.getpid(), os.fork()
+            server_process, process = os.getpid(), os.fork()
             if process == 0:
                 for other in (control.detach(), report, *reports.values()):
                     os.close(other)
-                _become_tracker(own, streams, **frame_message(request[LENGTH.size :]))
+                _become_tracker(server_process, streams, **frame_message(request[LENGTH.size :]))
             reports[process] = report
             for stream in streams:
                 os.close(stream)
@@ -80,8 +80,7 @@ def serve(descriptor: int) -> None:
 def _become_tracker(
     server: int, streams: Sequence[int], command: list[str], folder: str, path: list[str], environment: dict[str, str]
 ) -> NoReturn:
-    """Become the process that the bench asks for, in a session of its own."""
-    # A group of its own, which a tracker may kill.
+    # A tracker may kill its process group, which must not be the server's.
     os.setsid()
     end_with_parent(server, signal.SIGKILL)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -91,20 +90,20 @@ def _become_tracker(
         os.dup2(descriptor, stream)
         os.close(descriptor)
     with suppress(OSError):
-        # The folder may have been deleted.
+        # The folder may be gone.
         os.chdir(folder)
     if command[: len(HOST)] == HOST:
         os.environ.clear()
         os.environ.update(environment)
         sys.path[:] = path
         host.serve_tracker(command[len(HOST) :])
-    # What Python ignores.
+    # Python ignores these signals; another program expects their defaults.
     for number in (signal.SIGPIPE, signal.SIGXFSZ):
         signal.signal(number, signal.SIG_DFL)
     try:
         os.execve(command[0], command, environment)
     except (OSError, ValueError) as error:
         os.write(1, message_frame({"type": "error", "message": f"it cannot be started: {error}"}))
-        # The bench speaks first; a pipe that nobody reads would hide the reason.
+        # The bench writes first; without a reader its write would fail and hide the reason.
         os.read(0, 1)
     os._exit(1)

@@ -1,7 +1,7 @@
-"""The framing between the bench and the process of a tracker, version 1 (docs/any-language.md).
+"""Frames of the messages between the bench and the process of a tracker, version 1 (docs/any-language.md).
 
-A frame is its length, uint32 little-endian, and a MessagePack map. An array is [shape, bytes], the bytes those of
-float64, little-endian, the last axis running fastest.
+A frame is its length (uint32, little-endian) and a MessagePack map. An array is [shape, bytes], with the bytes in
+float64, little-endian, last axis fastest.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from trackbench.trackers.answers import OF_ONE, OF_SEVERAL, TrackerFault
 
 VERSION = 1
 LENGTH = struct.Struct("<I")
-#: Largest number of bytes of a frame. Printed text has a longer length, since a byte of text is 9 or more.
+#: Largest number of bytes of a frame. Printed text read as a length gives more, since its bytes are 9 or larger.
 LARGEST = 1 << 27
 FLOAT = np.dtype("<f8")
-#: Half a character may be in the name of a file, or in an error of a tracker.
+#: Error handler for incomplete characters, as in the name of a file or in an error of a tracker.
 ANY_TEXT = "surrogatepass"
-#: Arrays of a scan in a message: those of one tracker, and those that all trackers are given.
+#: Arrays of a scan in a message: one tracker's own, and shared by all trackers.
 OWN_ARRAYS, SHARED_ARRAYS = ("measurement", "valid"), ("noise_covariance", "sensor_pose", "sensor_velocity")
-#: Arrays of an answer; all after the covariance may be left out.
+#: Arrays of an answer; the arrays after the covariance are optional.
 ARRAYS = {
     "estimate": (
         "mean",
@@ -42,11 +42,11 @@ ARRAYS = {
 
 
 class NotAFrame(Exception):
-    """Bytes that are no message; says why."""
+    """Error for bytes that are no message; says why."""
 
 
 def packed_array(value: Any) -> list[Any]:
-    """Return an array as a message has it."""
+    """Return an array as [shape, bytes] for a message."""
     array = np.asarray(value, FLOAT)
     return [array.shape, array.tobytes()]
 
@@ -66,7 +66,7 @@ def message_frame(message: Mapping[str, Any]) -> bytes:
     """Return a message as a frame.
 
     Raises:
-        TypeError, ValueError, OverflowError: MessagePack does not know a value of the message.
+        TypeError, ValueError, OverflowError: MessagePack cannot store a value of the message.
     """
     content = _packed_map(message)
     return LENGTH.pack(len(content)) + content
@@ -76,7 +76,7 @@ def _packed_map(message: Mapping[str, Any]) -> bytes:
     try:
         content: bytes = _pack(message)
     except UnicodeEncodeError:
-        # To allow any text takes twice the time.
+        # The error handler takes twice the time.
         content = msgpack.packb(message, default=_packable, unicode_errors=ANY_TEXT)
     return content
 
@@ -100,10 +100,10 @@ def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
 
 
 def read_message(read: Callable[[int], bytes]) -> dict[str, Any]:
-    """Return the next message.
+    """Read the next message.
 
     Args:
-        read: returns that many bytes, and fewer only at the end.
+        read: returns the given number of bytes, fewer only at the end of the stream.
 
     Raises:
         EOFError: the other side has ended.
@@ -116,25 +116,25 @@ def read_message(read: Callable[[int], bytes]) -> dict[str, Any]:
 
 
 def scan_frames(numbers: Sequence[int], scans: Sequence[Scan]) -> list[bytes]:
-    """Return the frames that give each of some trackers a scan of one sensor and time.
+    """Return the frames that deliver a scan of one sensor and time to several trackers.
 
     Args:
-        numbers: of the trackers.
-        scans: one for each; what all of them share is packed once.
+        numbers: numbers of the trackers.
+        scans: one scan for each tracker; their shared entries are packed once.
     """
     frames, pose, shared = [], None, b""
     for number, scan in zip(numbers, scans, strict=True):
         if scan.sensor_pose is not pose:
             pose, shared = scan.sensor_pose, _shared_entries(scan)
-        own = {"id": number, "measurement": packed_array(scan.measurement), "valid": packed_array(scan.valid)}
-        # The first byte of a map of at most 15 entries is how many these are.
-        content = shared + _packed_map(own)[1:]
+        own_entries = {"id": number, "measurement": packed_array(scan.measurement), "valid": packed_array(scan.valid)}
+        # The first byte of a map of at most 15 entries is their number, which the shared start already states.
+        content = shared + _packed_map(own_entries)[1:]
         frames.append(LENGTH.pack(len(content)) + content)
     return frames
 
 
 def _shared_entries(scan: Scan) -> bytes:
-    """Return the start of the map of a scan: the number of its entries, and those that all trackers are given."""
+    """Return the packed start of the map of a scan: the number of its entries, and the shared entries."""
     named = zip(Scan._fields, scan, strict=True)
     entries: dict[str, Any] = {name: value for name, value in named if value is not None and name not in OWN_ARRAYS}
     entries["type"] = "scan"
@@ -148,12 +148,12 @@ def _shared_entries(scan: Scan) -> bytes:
 
 
 def message_scan(message: Mapping[str, Any]) -> Scan:
-    """Return the scan of a message; its arrays are read-only."""
+    """Return the scan in a message, with read-only arrays."""
     parts: dict[str, Any] = dict(message)
     del parts["type"], parts["id"]
     for name in (*OWN_ARRAYS, *SHARED_ARRAYS):
         shape, content = parts[name]
-        # The empty index makes a number of an array without axes.
+        # The empty index turns an array without axes into a number.
         parts[name] = np.ndarray(shape, FLOAT, content)[()]
     valid = parts["valid"] = parts["valid"] != 0
     if isinstance(valid, np.ndarray):
@@ -165,7 +165,7 @@ def message_scan(message: Mapping[str, Any]) -> Scan:
 
 
 def is_plain(answer: Any) -> bool:
-    """Whether an answer is a mean and a covariance alone, both arrays of float64, whatever their shapes."""
+    """Return whether an answer is only a mean and a covariance, both float64 arrays of any shape."""
     if not isinstance(answer, tuple) or len(answer) < 2 or any(part is not None for part in answer[2:]):
         return False
     mean, covariance = answer[:2]
@@ -173,7 +173,7 @@ def is_plain(answer: Any) -> bool:
 
 
 def answer_frame(number: int, answer: Any) -> bytes:
-    """Return the frame of a tracker's answer to a scan: a plain one, an estimate, tracks or None."""
+    """Return the frame of a tracker's answer to a scan; the answer is plain, an estimate, tracks or None."""
     if answer is None:
         return message_frame({"type": "none", "id": number})
     kind = "tracks" if isinstance(answer, Tracks) else "estimate"
@@ -182,7 +182,7 @@ def answer_frame(number: int, answer: Any) -> bytes:
         arrays = {"mean": packed_array(mean), "covariance": packed_array(covariance)}
     else:
         named = ((name, getattr(answer, name)) for name in ARRAYS[kind])
-        # A state of another form is the tracker's own affair.
+        # Only a numeric state goes into the message.
         arrays = {
             name: packed_array(value)
             for name, value in named
@@ -196,14 +196,14 @@ def _is_numeric(value: Any) -> bool:
 
 
 def message_answer(message: Mapping[str, Any], several: bool) -> Estimate | tuple[Array, Array] | Tracks | None:
-    """Return the answer of a message; its arrays are read-only, and their shapes are not checked.
+    """Return the answer in a message; its arrays are read-only and their shapes unchecked.
 
     Args:
         message: of the type ``estimate``, ``tracks`` or ``none``.
-        several: whether the tracker is to follow several objects.
+        several: whether the tracker follows several objects.
 
     Raises:
-        TrackerFault: the answer is of the other kind of tracker, or an array has not the form of the protocol.
+        TrackerFault: the answer is for the other kind of tracker, or an array does not follow the protocol.
     """
     kind = message["type"]
     if kind == "none":

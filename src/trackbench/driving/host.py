@@ -1,4 +1,4 @@
-"""The program that serves a tracker in Python, by the protocol of docs/any-language.md; there is no truth in it.
+"""Program that serves a Python tracker by the protocol of docs/any-language.md; it holds no ground truth.
 
 Run as ``python -m trackbench.driving.host MODULE:CLASS``.
 """
@@ -25,16 +25,16 @@ from trackbench.driving.steppers import refuse_truth
 from trackbench.trackers.answers import TRACKS, checked_tracks, is_random, shaped_estimate, unpack
 from trackbench.trackers.published import check_tracker_options, create
 
-#: What the host says of copies: it makes some, and answers whether one was made.
+#: Abilities announced in the greeting: the host copies trackers, and confirms each copy.
 COPIES = {"copies": True, "confirms": True}
 
 
 class Host:
-    """Answers the messages of the bench.
+    """Server of a tracker, which answers the messages of the bench.
 
     Args:
         reference: ``module:Class`` or a published name.
-        folder: where the tracker's module is looked for first.
+        folder: first folder in which the tracker's module is looked for.
         send: writes a frame.
     """
 
@@ -46,14 +46,14 @@ class Host:
         self._trackers: dict[int, tuple[Any, Any]] = {}
 
     def answer(self, message: Mapping[str, Any]) -> bytes | None:
-        """Do what a message asks for, and return the frame of the answer; None where none is due."""
+        """Handle a message; return the frame of the answer, or None if the message has none."""
         match message["type"]:
             case "scan":
                 return self._step(message)
             case "hello":
                 return self._greet(message)
             case "start":
-                # This message has no answer: a tracker whose making may fail is made at its first scan.
+                # A start has no answer that could report a failure: the tracker is made at its first scan.
                 self._trackers[message["id"]] = self._spare.pop() if self._spare else None, None
             case "copy":
                 self._trackers[message["id"]] = _copied(*self._trackers[message["of"]])
@@ -79,18 +79,19 @@ class Host:
         self._several = hello["identities"] == "hidden"
         if "classes" in hello:
             notebook_classes.loads(hello["classes"])
-        about: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, **COPIES}
+        greeting: dict[str, Any] = {"type": "hello", "version": VERSION, "name": self._reference, **COPIES}
         if not hello["batch"]:
             check_tracker_options(self._reference, hello["options"], self._folder)
-            return message_frame(about)
+            return message_frame(greeting)
         self._make = create(self._reference, dict(hello["options"]), self._folder)
-        made = self._make()
-        refuse_truth(made)
-        self._spare = [made]
-        return message_frame(about | {"batched": bool(getattr(made, "batched", False)), "random": is_random(made)})
+        tracker = self._make()
+        refuse_truth(tracker)
+        self._spare = [tracker]
+        greeting |= {"batched": bool(getattr(tracker, "batched", False)), "random": is_random(tracker)}
+        return message_frame(greeting)
 
     def _work(self, message: Mapping[str, Any]) -> bytes:
-        """Call a function of the bench, ``module:name``, that looks into a tracker and tells of its progress."""
+        """Call ``module:name``, a function of the bench that examines a tracker and reports its progress."""
         notebook_classes.loads(message["classes"])
         module, _, name = message["function"].partition(":")
 
@@ -113,12 +114,12 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
     parser.add_argument("tracker", help="module:Class, or a published name")
     parser.add_argument("--folder", type=Path, help="where its module is looked for first")
     options = parser.parse_args(arguments)
-    requests, answers, own, leave = os.fdopen(os.dup(0), "rb"), os.dup(1), os.getpid(), os._exit
+    requests, answers, process, leave = os.fdopen(os.dup(0), "rb"), os.dup(1), os.getpid(), os._exit
     _give_streams(answers)
 
     def send(frame: bytes) -> None:
-        if os.getpid() != own:
-            # A copy of this process, which a tracker forked, does not answer.
+        if os.getpid() != process:
+            # A fork of this process, made by the tracker, must not answer.
             leave(1)
         rest = memoryview(frame)
         while rest:
@@ -137,22 +138,22 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
     except (EOFError, OSError):
         leave(0)
     finally:
-        # What it takes to understand a request is broken by the tracker.
+        # The tracker has damaged the means to read a request.
         os._exit(1)
 
 
 def _give_streams(answers: int) -> None:
-    """Give the tracker streams of its own, and write where it was to ``answers`` where it ends the process."""
+    """Give the tracker its own streams; if it ends the process, write its place in the code to ``answers``."""
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # What a tracker printed before its process is killed is seen.
+        # Flush each line, so that output before a kill is not lost.
         sys.stdout.reconfigure(line_buffering=True)
-    own, leave = os.getpid(), os._exit
+    process, leave = os.getpid(), os._exit
 
     def exiting(status: int) -> None:
-        if os.getpid() == own:
+        if os.getpid() == process:
             faulthandler.dump_traceback(answers)
         leave(status)
 

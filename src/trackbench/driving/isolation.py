@@ -1,4 +1,4 @@
-"""The trackers that get a process of their own, and the limits of it."""
+"""Choice of the trackers that get a process of their own, and the limits of that process."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import Command
 from trackbench.trackers.published import built_in
 
-#: Longest time for an answer, s, and share of the container's memory that a tracker may take unless it is stated.
+#: Longest time for an answer that may be set, s, and default share of the container's memory for a tracker.
 LONGEST, SHARE = 86_400.0, 0.25
 GIGABYTE = 10**9
 
 
 def plugged_in(config: FilterConfig | PluginConfig) -> bool:
-    """Whether a tracker is not built in."""
+    """Return whether a tracker is not built in."""
     return isinstance(config, PluginConfig) and not built_in(config.reference)
 
 
 def is_program(config: FilterConfig | PluginConfig) -> bool:
-    """Whether a tracker is a program in another language."""
+    """Return whether a tracker is a program in another language."""
     return isinstance(config, PluginConfig) and isinstance(config.use, Command)
 
 
 @dataclass(frozen=True)
 class Isolation:
-    """How trackers that are not built in are kept apart from the bench."""
+    """Separation from the bench of trackers that are not built in."""
 
     in_process: bool = False
-    """Whether such trackers run in the process of the bench, for a debugger."""
+    """Whether trackers that are not built in run in the bench's process, for a debugger."""
     timeout: float = 300.0
     """Longest time for a step, s."""
     memory: float | None = None
-    """Most resident memory of a tracker with all that it starts, GB; a quarter of the container's unless set."""
+    """Limit of resident memory of a tracker and all that it starts, GB; None for a quarter of the container's."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= LONGEST:
@@ -46,17 +46,17 @@ class Isolation:
             raise InputError(f"{self.memory!r} is no memory; give GB above 0", key="tracker_memory")
 
     def of(self, config: FilterConfig | PluginConfig) -> bool:
-        """Whether a tracker gets a process of its own: a program has one in any case."""
+        """Return whether a tracker gets a process of its own; a program in another language always does."""
         return is_program(config) or (plugged_in(config) and not self.in_process)
 
     @property
     def bytes(self) -> int:
-        """Most memory of a tracker on this machine, bytes."""
+        """Limit of a tracker's memory on this machine, bytes."""
         return int(SHARE * container_memory() if self.memory is None else self.memory * GIGABYTE)
 
 
 def container_memory() -> int:
-    """Return the memory of the container, or of the machine where none is limited, bytes."""
+    """Return the memory limit of the container, else the memory of the machine, bytes."""
     limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")]
     for file in ("memory.max", "memory/memory.limit_in_bytes"):
         with suppress(OSError, ValueError):

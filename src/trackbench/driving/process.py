@@ -1,4 +1,4 @@
-"""The process of a tracker: it is started, answers frames over its pipes, is watched, and is ended as a group."""
+"""Process of a tracker: its start, its answers to frames over pipes, its limits, and its end as a group."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ from trackbench.driving.faults import Kind, TrackFault, reported_error
 from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, frame_message, message_frame
 from trackbench.driving.isolation import GIGABYTE, Isolation
 
-#: Variable in the environment of every tracker's process, and variables that a tracker is not told.
-INSIDE, UNTOLD = "TRACKBENCH_TRACKER_PROCESS", ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
+#: Environment variable that marks every tracker's process, and variables withheld from trackers.
+INSIDE, HIDDEN = "TRACKBENCH_TRACKER_PROCESS", ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
 #: Start of the command of a tracker in Python.
 HOST = [sys.executable, "-m", "trackbench.driving.host"]
-#: What the bench is told of a process: its number and, once it has ended, its status as ``os.waitpid`` gives it.
+#: Report of the fork server on a process: its id and, once it has ended, its status as in ``os.waitpid``.
 NUMBER = struct.Struct("<i")
 NOT_STARTED = "no process can be started for a tracker"
-#: Period at which the bench looks at the time and memory of a process that it waits for, s.
+#: Period at which the bench checks the time and memory of a process that it waits for, s.
 GLANCE = 0.1
-#: Longest time for the stack of a process that is told to end, for a start and for an end, s.
+#: Longest time for writing the stack of an aborted process, for a start and for an end, s.
 DUMPING, STARTING, ENDING = 1.0, 60.0, 10.0
-#: Bytes that are read at once. For more, each read gets its memory from the system, which takes 20 us.
+#: Bytes read at once. A larger read allocates its memory from the system, which takes 20 us.
 READ = 1 << 16
-#: First bytes of a MessagePack map, and characters that are shown of an answer that is no frame.
+#: First bytes of a MessagePack map, and characters shown of an answer that is no frame.
 MAPS, SHOWN = frozenset([*range(0x80, 0x90), 0xDE, 0xDF]), 60
-#: What Python's faulthandler writes of each call, and the most bytes of it that are read.
+#: Start of each call in the output of Python's faulthandler, and the most bytes of this output that are read.
 DUMPED, LONGEST_DUMP = b'  File "', 1 << 20
 
 
 class ForkServer:
-    """The process that starts those of trackers (:mod:`trackbench.driving.fork_server`), as the bench speaks to it."""
+    """Client of the server process that forks the processes of trackers (:mod:`trackbench.driving.fork_server`)."""
 
     def __init__(self) -> None:
         self._control, theirs = socket.socketpair()
@@ -77,7 +77,7 @@ class ForkServer:
             descriptors: for reports, standard input and standard output of the process.
 
         Raises:
-            TrackbenchError: the server does not take it.
+            TrackbenchError: the server does not accept the request.
         """
         launch = {"command": command, "folder": folder, "path": sys.path, "environment": self._environment()}
         try:
@@ -86,7 +86,7 @@ class ForkServer:
             raise TrackbenchError(NOT_STARTED) from error
 
     def _environment(self) -> dict[str, str]:
-        return {name: value for name, value in os.environ.items() if name not in UNTOLD} | dict([self._mark.split("=")])
+        return {name: value for name, value in os.environ.items() if name not in HIDDEN} | dict([self._mark.split("=")])
 
     def _close(self) -> None:
         self._control.close()
@@ -95,17 +95,17 @@ class ForkServer:
         except subprocess.TimeoutExpired:
             self.process.kill()
         if self.process.wait() < 0:
-            # What the processes of a killed server have left behind is known by the mark in the environment.
+            # A killed server leaves processes behind, which the mark in their environment identifies.
             end_marked(self._mark)
 
 
 _fork_servers: dict[int, ForkServer] = {}
-#: Descriptors of the files to which what trackers print goes, in place of standard error: that of the last one.
+#: Descriptors of files for the output of trackers; the last one replaces standard error.
 _outputs: list[int] = []
 
 
 def fork_server() -> ForkServer:
-    """Return the server of this process, which may itself be a copy of one that has a server."""
+    """Return the fork server of this process; start one if there is none."""
     server = _fork_servers.get(os.getpid())
     if server is None or server.process.poll() is not None:
         server = _fork_servers[os.getpid()] = ForkServer()
@@ -114,7 +114,7 @@ def fork_server() -> ForkServer:
 
 @contextmanager
 def printing_to(file: BinaryIO) -> Iterator[None]:
-    """Send what trackers print whose processes are started meanwhile to a file."""
+    """Send to a file what trackers print, for processes started inside the context."""
     _outputs.append(file.fileno())
     try:
         yield
@@ -123,13 +123,13 @@ def printing_to(file: BinaryIO) -> Iterator[None]:
 
 
 class TrackerProcess:
-    """A process that answers the frames that it is sent.
+    """Process that answers the frames sent to it.
 
     Args:
-        isolation: longest time for an answer, and most memory.
+        isolation: limits of time and memory.
         command: program and arguments.
         folder: working directory.
-        name: text with which messages about the process begin.
+        name: prefix of messages about the process.
 
     Raises:
         TrackbenchError: no process can be started.
@@ -140,17 +140,17 @@ class TrackerProcess:
         self.fault: TrackFault | None = None
         """Cause of the end of the process; None while it runs."""
         self.members = 0
-        """Number of members of the batch that the trackers in the process follow."""
+        """Number of members of the batch followed by the trackers in the process."""
         self._taken, self._until, self._next_glance = 0, 0.0, 0.0
         self._status: int | None = None
         self._unsent, self._received = b"", bytearray()
-        theirs, self._out = os.pipe()
+        reading, self._out = os.pipe()
         self._in, writing = os.pipe()
         self._reports, reporting = os.pipe()
         try:
-            fork_server().start(command, folder, (reporting, theirs, writing))
+            fork_server().start(command, folder, (reporting, reading, writing))
         finally:
-            for descriptor in (theirs, writing, reporting):
+            for descriptor in (reading, writing, reporting):
                 os.close(descriptor)
         number = self._reported(STARTING)
         if number is None:
@@ -166,7 +166,7 @@ class TrackerProcess:
             self.failed("its process was closed", "died")
 
     def send(self, *frames: bytes) -> None:
-        """Send frames; the answers are to be received one by one.
+        """Send frames, whose answers are then received one by one.
 
         Raises:
             TrackFault: the process has ended, or does not read.
@@ -187,7 +187,7 @@ class TrackerProcess:
         """Return the next answer.
 
         Raises:
-            TrackFault: the tracker failed; its process has ended, is late, or wrote what is no answer.
+            TrackFault: the tracker failed; its process has ended, is late, or wrote no valid answer.
             InputError: the tracker cannot be found or does not take its options.
         """
         self._until = time.monotonic() + self.timeout
@@ -202,21 +202,21 @@ class TrackerProcess:
         try:
             answer = frame_message(content)
         except NotAFrame as error:
-            raise self.failed(f"its answer is {error}; it begins with {_text(content)}") from None
+            raise self.failed(f"its answer is {error}; it begins with {_shown_bytes(content)}") from None
         if answer.get("type") == "error":
             raise reported_error(answer, self.members, self._name)
         return answer
 
     def work(self, function: str, arguments: Mapping[str, Any], progress: Progress) -> Any:
-        """Call a function of trackbench in the process, the host of a tracker in Python; return what it returns.
+        """Call a function of trackbench in the process of a Python tracker; return the function's result.
 
         Args:
-            function: ``module:name``. It reports its progress, each time within the longest time of an answer.
-            arguments: text and numbers.
+            function: ``module:name``. Its progress reports must come within the time limit of an answer.
+            arguments: texts and numbers.
             progress: called with each report.
 
         Raises:
-            TrackFault: the process has ended, is late, or wrote what is no answer.
+            TrackFault: the process has ended, is late, or wrote no valid answer.
             InputError: the tracker cannot be found or does not take its options.
         """
         classes = notebook_classes.dumps(None)
@@ -226,14 +226,13 @@ class TrackerProcess:
         return pickle.loads(answer["pickled"])
 
     def failed(self, cause: str, kind: Kind = "answer", place: str | None = None) -> TrackFault:
-        """End the process, unless it has ended; return the fault."""
+        """End the process if it runs; return the fault."""
         self._end()
         self.fault = TrackFault(f"{self._name}{cause}", kind, place)
         return self.fault
 
-    def _read(self, size: int) -> None:
-        """Read until as many bytes have come."""
-        while len(self._received) < size:
+    def _read(self, byte_count: int) -> None:
+        while len(self._received) < byte_count:
             self._wait(self._readable)
             content = os.read(self._in, READ)
             if not content:
@@ -241,7 +240,7 @@ class TrackerProcess:
             self._received += content
 
     def _wait(self, poll: select.poll) -> None:
-        """Wait until a pipe is ready; raise where the process is late, has ended, or takes too much memory."""
+        """Wait until a pipe is ready; raise if the process is late, has ended, or takes too much memory."""
         is_ready = False
         while not is_ready:
             is_ready = bool(poll.poll(1000 * GLANCE))
@@ -256,7 +255,7 @@ class TrackerProcess:
                 raise self._late()
 
     def _late(self) -> TrackFault:
-        # So Python writes down where it is.
+        # Makes Python's faulthandler write the stack.
         with suppress(ProcessLookupError, PermissionError):
             os.kill(self._number, signal.SIGABRT)
         self._ended_within(DUMPING)
@@ -273,15 +272,15 @@ class TrackerProcess:
         return self.failed(cause, "died", self._place())
 
     def _no_frame(self) -> TrackFault:
-        # More of what it writes tells more.
+        # Waits for the rest of the output, which may be a stack.
         self._place(GLANCE)
         if DUMPED in self._received and self._ended_within(DUMPING):
             return self._ended()
         hint = "what a program prints belongs on standard error"
-        return self.failed(f"its standard output is no frame: it begins with {_text(self._received)}; {hint}")
+        return self.failed(f"its standard output is no frame: it begins with {_shown_bytes(self._received)}; {hint}")
 
     def _place(self, patience: float = 0.0) -> str | None:
-        """Read what comes within ``patience`` s; return the line of the tracker's code that Python wrote there."""
+        """Read further output for ``patience`` s; return the line of the tracker's code in Python's dump."""
         while len(self._received) < LONGEST_DUMP and self._readable.poll(1000 * patience):
             content = os.read(self._in, READ)
             if not content:
@@ -290,13 +289,13 @@ class TrackerProcess:
         return place_in_dump(self._received.decode(errors="replace"))
 
     def _ended_within(self, seconds: float) -> bool:
-        """Whether the process ends within some time: what it has started may live on."""
+        """Return whether the process ends within some time; processes that it started may live on."""
         if self._status is None:
             self._status = self._reported(seconds)
         return self._status is not None
 
     def _reported(self, seconds: float) -> int | None:
-        """Return the next number from the fork server; SIGKILL if the server has ended, and its processes with it."""
+        """Return the next number from the fork server; SIGKILL if the server has ended, which kills its processes."""
         if not _poll(self._reports, select.POLLIN).poll(1000 * seconds):
             return None
         content = os.read(self._reports, NUMBER.size)
@@ -309,13 +308,12 @@ def _poll(descriptor: int, event: int) -> select.poll:
     return poll
 
 
-def _text(content: bytes | bytearray) -> str:
-    """Return the first bytes of what is no frame, as text."""
+def _shown_bytes(content: bytes | bytearray) -> str:
     return repr(bytes(content[:SHOWN])).removeprefix("b")
 
 
 def _end(process: int, reports: int, files: Sequence[int]) -> None:
-    """End a process with all that it has started, and wait for it."""
+    """End a process and all that it has started, and wait for it."""
     for file in files:
         os.close(file)
     reported = _poll(reports, select.POLLIN)

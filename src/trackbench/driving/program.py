@@ -1,4 +1,4 @@
-"""A program that serves trackers, as the bench speaks to it: one in another language, or the host of one in Python."""
+"""Client of a program that serves trackers: a program in another language, or the host of a Python tracker."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from trackbench.trackers.answers import KEPT_THERE, TrackerFault
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.foreign import Command
 
-#: Bytes of scans that are on their way at once: a pipe holds as many, so that neither side waits for the other to read.
+#: Bytes of scans sent before answers are read: a pipe holds as many, so that neither side blocks the other.
 ON_THE_WAY = 1 << 15
 
 
 class Program(TrackerProcess):
-    """A program that serves trackers, each with a number.
+    """Program that serves numbered trackers.
 
     Args:
-        config: names it, or a class of Python.
-        folder: where its path starts, and where it runs; of a class where its module is looked for first.
-        isolation: the longest that it may take to answer, and the most memory.
-        several: whether it is to follow several objects.
-        batch: number of members that the bench follows at once; 0 of a class that is only to be found.
-        sensors: of the scenario, by name.
+        config: the scenario's entry, which names the program or the Python class.
+        folder: working directory of a program and start of its path; for a class, first folder to look for its module.
+        isolation: limits of time and memory.
+        several: whether the trackers follow several objects.
+        batch: number of members followed at once; 0 only checks that the class exists.
+        sensors: sensors of the scenario by name.
 
     Raises:
-        InputError: there is no such program or class, or it does not take the options.
-        TrackFault: it does not answer, or not as the protocol says.
+        InputError: the program or class does not exist, or does not take the options.
+        TrackFault: the program does not answer by the protocol.
     """
 
     def __init__(
@@ -76,8 +76,8 @@ class Program(TrackerProcess):
         """Copy a tracker with its state; return the number of the copy.
 
         Raises:
-            TrackbenchError: the program does not copy it.
-            TrackFault: its process has ended.
+            TrackbenchError: the program does not copy trackers.
+            TrackFault: the process has ended.
         """
         if not self.copies:
             raise TrackbenchError("its program does not say that it copies trackers")
@@ -94,26 +94,26 @@ class Program(TrackerProcess):
         return self._numbers
 
     def end(self, number: int) -> None:
-        """Let the program forget a tracker."""
+        """Tell the program to discard a tracker."""
         if self.fault is None:
             self._unsent += message_frame({"type": "end", "id": number})
 
     def ask(self, numbers: Sequence[int], scans: Sequence[Scan], members: Sequence[int] | None = None) -> list[Any]:
-        """Give each of some trackers a scan; return their answers, of which the form is not checked.
+        """Send scans to several trackers; return their answers, whose form is unchecked.
 
         Args:
-            numbers: of the trackers.
-            scans: one for each.
-            members: of the batch, each of which has one of these trackers; None of a tracker for all members.
+            numbers: numbers of the trackers.
+            scans: one scan for each tracker.
+            members: member of the batch that each tracker follows; None for one tracker of all members.
 
         Raises:
             TrackFault: a tracker failed; the process has ended, is late, or answered something else.
         """
         frames, answers = scan_frames(numbers, scans), list[Any]()
-        at_once = max(1, ON_THE_WAY // max(map(len, frames), default=1))
-        for first in range(0, len(frames), at_once):
-            self.send(*frames[first : first + at_once])
-            for number in numbers[first : first + at_once]:
+        chunk = max(1, ON_THE_WAY // max(map(len, frames), default=1))
+        for first in range(0, len(frames), chunk):
+            self.send(*frames[first : first + chunk])
+            for number in numbers[first : first + chunk]:
                 try:
                     answers.append(self._answer(number))
                 except (TrackFault, TrackerFault) as error:
@@ -123,21 +123,21 @@ class Program(TrackerProcess):
         return answers
 
     def __deepcopy__(self, memo: object) -> Program:
-        # Its trackers are copied, each by itself.
+        # The process is shared; each of its trackers is copied by itself.
         return self
 
     def _answer(self, number: int) -> Any:
         answer = self.receive()
         kind = answer.get("type")
         if kind not in ("estimate", "none", "tracks") or answer.get("id") != number:
-            asked = f"a scan of tracker {number}"
-            raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
+            request = f"a scan of tracker {number}"
+            raise self.failed(f"it answered {request} with {_text(kind)} of {_text(answer.get('id'))}")
         return message_answer(answer, self._several)
 
     def _understand(self, answer: Mapping[str, Any]) -> None:
         version = answer.get("version")
         if answer.get("type") != "hello" or type(version) is not int:
-            raise self.failed(f"it answered hello with {_said(answer.get('type'))}, where hello with a version is due")
+            raise self.failed(f"it answered hello with {_text(answer.get('type'))}, where hello with a version is due")
         if version != VERSION:
             raise self.failed(f"it speaks version {version} of the protocol, and this trackbench {VERSION}")
         self.batched, self.random, self.copies, self.confirms = (
@@ -146,14 +146,14 @@ class Program(TrackerProcess):
 
 
 class ProgramTracker:
-    """A tracker in a program, which also has its state."""
+    """Tracker in a program, which also stores the tracker's state."""
 
     def __init__(self, program: Program, number: int | None = None) -> None:
         self.program, self.number = program, program.start() if number is None else number
         self.batched, self.random = program.batched, program.random
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Any]:
-        """Return what stands for its state, and the answer."""
+        """Return a placeholder of the state, and the answer."""
         return KEPT_THERE, self.program.ask([self.number], [scan])[0]
 
     def __deepcopy__(self, memo: object) -> ProgramTracker:
@@ -168,13 +168,13 @@ def host_command(reference: str, folder: Path | None = None) -> tuple[list[str],
 
     Args:
         reference: ``module:Class`` or a published name.
-        folder: where its module is looked for first.
+        folder: first folder in which the tracker's module is looked for.
     """
-    here = "."
-    # It may have been deleted.
+    working_folder = "."
+    # The folder may have been deleted.
     with suppress(FileNotFoundError):
-        here = os.getcwd()
-    return [*HOST, reference, *([] if folder is None else ["--folder", str(folder)])], here
+        working_folder = os.getcwd()
+    return [*HOST, reference, *([] if folder is None else ["--folder", str(folder)])], working_folder
 
 
 def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str, Sensor]) -> bytes:
@@ -202,5 +202,5 @@ def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str
         raise InputError(f"its process cannot be told these options: {error}") from None
 
 
-def _said(value: Any) -> str:
+def _text(value: Any) -> str:
     return shortened_text(repr(value), SHOWN)

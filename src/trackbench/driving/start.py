@@ -1,4 +1,4 @@
-"""Trackers started as a scenario names them: a built-in one as it is, any other here or in a process of its own."""
+"""Start of the trackers of a scenario: built-in ones here, others here or in a process of their own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from trackbench.trackers.late import LateScans
 from trackbench.trackers.multi import build_multi
 from trackbench.trackers.published import check_tracker_options, create
 
-#: Sets the engine and the first states of a built-in tracker.
+#: Function that sets the engine and the first states of a built-in tracker.
 Prepare = Callable[[Any], Any]
 
 
@@ -33,15 +33,15 @@ def fresh(
     batch: int = 1,
     sensors: Mapping[str, Sensor] = {},
 ) -> Callable[[], Tracker]:
-    """Return a function that gives fresh trackers as they are, all from one process.
+    """Return a function that makes fresh trackers that are not built in, all in one process.
 
     Args:
         config: the scenario's entry.
-        folder: where a tracker's module is looked for first.
-        isolation: whether it gets a process of its own.
-        several: whether it follows several objects.
-        batch: number of tracks, or runs, that are followed at once, which a program is told.
-        sensors: of the scenario, by name, which a program is told.
+        folder: first folder in which the tracker's module is looked for.
+        isolation: whether the trackers get a process of their own.
+        several: whether a tracker follows several objects.
+        batch: number of tracks, or runs, followed at once; passed on to a program.
+        sensors: sensors of the scenario by name; passed on to a program.
 
     Raises:
         InputError: the tracker cannot be found or does not take its options.
@@ -53,7 +53,7 @@ def fresh(
 
 
 def fresh_tracks(config: FilterConfig | PluginConfig, folder: Path | None, isolation: Isolation) -> Callable[[], Any]:
-    """Return a function that gives fresh trackers of several objects, each for one run, all from one process.
+    """Return a function that makes fresh multi-object trackers, each for one run, all in one process.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options.
@@ -77,12 +77,12 @@ def start_stepper(
 
     Args:
         config: the scenario's entry.
-        folder: where a tracker's module is looked for first.
-        batch: number of tracks, or runs, that are followed at once.
-        prepare: sets the engine of a built-in tracker, and its first states where it starts from the truth.
-        isolation: whether it gets a process of its own.
-        several: whether it follows several objects.
-        sensors: of the scenario, by name, which a program is told.
+        folder: first folder in which a tracker's module is looked for.
+        batch: number of tracks, or runs, followed at once.
+        prepare: sets the engine of a built-in tracker, and its first states if it starts from the truth.
+        isolation: whether a tracker that is not built in gets a process of its own.
+        several: whether the tracker follows several objects.
+        sensors: sensors of the scenario by name; passed on to a program.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options, or the tracker is a smoother.
@@ -101,7 +101,7 @@ def start_stepper(
 
 @contextmanager
 def ending(stepper: Any) -> Iterator[Any]:
-    """Give a tracker, and end its process where it has one."""
+    """Provide a tracker, and end its process, if any, on leaving the context."""
     try:
         yield stepper
     finally:
@@ -117,18 +117,18 @@ def check_startable(
     several: bool,
     sensors: Mapping[str, Sensor],
 ) -> None:
-    """Find a tracker and hold its options against what it declares, in the process where it will live.
+    """Check that a tracker exists and takes its options, in the process where it will run.
 
     Args:
         config: the scenario's entry.
-        folder: where a tracker's module is looked for first.
-        isolation: whether it gets a process of its own.
-        started: whether it is started for one member, too.
-        several: whether it follows several objects.
-        sensors: of the scenario, by name.
+        folder: first folder in which the tracker's module is looked for.
+        isolation: whether the tracker gets a process of its own.
+        started: whether to start the tracker for one member as well.
+        several: whether the tracker follows several objects.
+        sensors: sensors of the scenario by name.
 
     Raises:
-        InputError: it cannot be found, the options do not fit, or it does not start.
+        InputError: the tracker cannot be found, does not take the options, or does not start.
         TrackFault: its process ended.
     """
     if isinstance(config.use, Command):

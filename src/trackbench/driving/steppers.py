@@ -1,4 +1,4 @@
-"""Trackers that are not built in, each stepped for a whole batch; and smoothers."""
+"""Steps of trackers that are not built in, for a whole batch, and steps of smoothers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from trackbench.trackers.answers import (
     checked_estimate,
     checked_tracks,
     is_random,
-    require_kept,
+    require_continued,
     unpack,
 )
 from trackbench.trackers.filtered import SmoothedTracker
@@ -32,7 +32,7 @@ from trackbench.trackers.late import LateScans
 
 
 def refuse_truth(tracker: Any) -> None:
-    """Refuse a filter that a plug-in has made and that starts from the truth, which a plug-in is not given.
+    """Refuse a plug-in's filter that starts from the ground truth, which plug-ins do not get.
 
     Raises:
         InputError: the filter starts from the truth.
@@ -43,44 +43,44 @@ def refuse_truth(tracker: Any) -> None:
 
 
 class Offline:
-    """A smoother, which gets all scans before the first step.
+    """Smoother that gets all scans before its first step.
 
     Args:
         tracker: the smoother.
-        scans: all scans, in the order of the steps.
+        scans: all scans in the order of the steps.
     """
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
         self._tracker, self._scans = tracker, scans
 
     def step(self, state: Iterator[Estimate] | None, scan: Scan) -> tuple[Iterator[Estimate], Estimate]:
-        """Return the estimates of later scans, and that of every member of the batch at this scan."""
+        """Return the iterator over later estimates, and this scan's estimate of all members of the batch."""
         state = iter(self._tracker.estimates(self._scans)) if state is None else state
         return state, next(state)
 
     @property
     def engine_used(self) -> EngineUsed:
-        """What computed the steps."""
+        """Engine that computed the steps."""
         return self._tracker.tracker.engine_used
 
 
 class ForeignTracker:
-    """A tracker that is not built in, stepped for all members of a batch; its answers are checked.
+    """Tracker that is not built in, stepped for all members of a batch, with checked answers.
 
-    One that takes batches is stepped once a scan. Of any other, each member has one, stepped from the member's first
-    measurement on. They may be objects of this process, or be in a program.
+    A batched tracker is stepped once a scan. Otherwise each member has a tracker of its own, stepped from the member's
+    first measurement on. The trackers are in this process or in a program.
 
     Args:
-        make: gives a fresh tracker.
+        make: returns a fresh tracker.
         batch: number of members: tracks, or runs.
-        several: whether it follows several objects.
+        several: whether the trackers follow several objects.
     """
 
     def __init__(self, make: Callable[[], Tracker], batch: int, several: bool) -> None:
         first = make()
         self.batched, self.random = bool(getattr(first, "batched", False)), is_random(first)
         self.program = first.program if isinstance(first, ProgramTracker) else None
-        """The program in which its trackers are; None where they are in this process."""
+        """Program of the trackers; None if they are in this process."""
         self._trackers: list[Any] = [first, *(make() for _ in range(0 if self.batched else batch - 1))]
         self._states: list[Any] = [None] * len(self._trackers)
         self._batch, self._several = batch, several
@@ -89,11 +89,10 @@ class ForeignTracker:
         self._has_answered = np.zeros(len(self._trackers), dtype=bool)
 
     def step(self, state: object, scan: Scan) -> tuple[str, Any]:
-        """Return what stands for the state, and the answer for all members; None before the first estimate.
+        """Return a placeholder of the state, and the answer for all members; None before the first estimate.
 
         Raises:
-            TrackFault: a tracker failed, or its answer has the wrong form; of one that takes no batches it says of
-                which member.
+            TrackFault: a tracker failed or gave an invalid answer; an unbatched tracker's fault names the member.
         """
         if len(self._members) < len(self._trackers):
             self._members = sorted({*self._members, *np.flatnonzero(scan.valid).tolist()})
@@ -116,12 +115,11 @@ class ForeignTracker:
         return KEPT_THERE, Estimate(mean, covariance)
 
     def close(self) -> None:
-        """End the program in which the trackers are."""
+        """End the program of the trackers, if any."""
         if self.program is not None:
             self.program.close()
 
     def _answers(self, members: Sequence[int], scans: Sequence[Scan]) -> list[Any]:
-        """Return the unchecked answers of members that have begun."""
         if self.program is not None:
             numbers = [self._trackers[member].number for member in members]
             return self.program.ask(numbers, scans, None if self.batched else members)
@@ -138,12 +136,12 @@ class ForeignTracker:
         return answers
 
     def _checked(self, members: Sequence[int], scans: Sequence[Scan], answers: Sequence[Any]) -> Any:
-        """Return the answers of members that have begun as one for all members."""
+        """Return the answers of some members, checked and joined to one answer for all members."""
         checked: list[Any] = [None] * len(self._trackers)
         for member, scan, unchecked in zip(members, scans, answers, strict=True):
             try:
                 answer = (checked_tracks if self._several else checked_estimate)(unchecked, scan)
-                require_kept(answer, bool(self._has_answered[member]), finite=not self.batched)
+                require_continued(answer, bool(self._has_answered[member]), finite=not self.batched)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
@@ -156,12 +154,12 @@ class ForeignTracker:
 
 
 def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate | None:
-    """Return one estimate of all members, where all answers are right and are a mean and a covariance alone.
+    """Return all answers as one estimate if all are valid and plain, else None.
 
-    None where an answer needs a closer look. Many answers are checked at once in less time than each by itself.
+    A plain answer is only a mean and a covariance. Checking all of them at once is faster than one by one.
 
     Args:
-        answers: of members, or one of a batch.
+        answers: answers of single members, or one answer of a batch.
         batch: trailing axes of each answer.
     """
     for answer in answers:
@@ -179,7 +177,7 @@ def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate |
     if not math.isfinite(np.vdot(mean, mean) + np.vdot(covariance, covariance)):
         return None
     mirrored = covariance.swapaxes(0, 1)
-    # Bytes are compared in less time than numbers.
+    # Comparing bytes is faster than comparing numbers.
     if mirrored.tobytes() != covariance.tobytes():
         gap = np.abs(covariance - mirrored).max()
         if gap > ASYMMETRY * covariance.max(axis=(0, 1)).min():
@@ -188,10 +186,10 @@ def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate |
 
 
 def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
-    """Return one estimate with a last axis of members; NaN where there is none.
+    """Join estimates along a last axis of members, NaN for a member without one.
 
     Raises:
-        TrackerFault: innovations or mode probabilities of several sizes.
+        TrackerFault: the sizes of innovations or mode probabilities differ between members.
     """
     for name in ("mode_probabilities", "innovation"):
         values = [getattr(answer, name, None) for answer in answers]
@@ -221,13 +219,13 @@ def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
 
 
 def joined_tracks(answers: Sequence[Tracks]) -> Tracks:
-    """Return the tracks of several runs with a last axis of runs, padded."""
+    """Join the tracks of several runs along a last axis of runs, with padding."""
     fills = {"ids": NO_TRACK, "used": NO_TRACK}
     return Tracks(*(_joined(answers, name, fills.get(name, np.nan)) for name in Tracks._fields))  # type: ignore[arg-type]
 
 
 def _joined(answers: Sequence[Any], name: str, fill: float = np.nan) -> Array | None:
-    """One field of all answers with a last axis of members, padded; None where no answer has it."""
+    """Return one field of all answers with a last axis of members, padded; None if no answer has the field."""
     values = [getattr(answer, name, None) for answer in answers]
     shapes = [value.shape for value in values if value is not None]
     if not shapes:

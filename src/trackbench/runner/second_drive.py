@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.streams import stream
-from trackbench.driving.again import AskedAgain
+from trackbench.driving.cross_check import CrossCheckedTracker
 from trackbench.driving.isolation import plugged_in
 from trackbench.driving.start import start_stepper
 from trackbench.runner.batches import Batch
@@ -42,4 +42,5 @@ def asked_again(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
         # Members are numbered by object, then run.
         order = np.concatenate([np.arange(0, batch.members, runs) + run for run in chosen])[::-1]
     options = work.isolation, batch.several, work.sensors
-    return AskedAgain(tracker, partial(start_stepper, config, work.folder, len(order), work.prepared, *options), order)
+    start = partial(start_stepper, config, work.folder, len(order), work.prepared, *options)
+    return CrossCheckedTracker(tracker, start, order)

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from trackbench.base.types import SAME_TIME, Indices, Scan
-from trackbench.driving.again import AskedAgain
+from trackbench.driving.cross_check import CrossCheckedTracker
 from trackbench.driving.drive import Delivery, DriveStep, deliveries
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.steppers import ForeignTracker, Offline
@@ -100,7 +100,7 @@ class TrackerRun:
         passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._of_metric)
         if error is not None and not passed_on:
             self._note(error)
-        if isinstance(self.tracker, AskedAgain) and self.failure is None and not passed_on:
+        if isinstance(self.tracker, CrossCheckedTracker) and self.failure is None and not passed_on:
             disagreement = self.tracker.disagreement()
             if disagreement is not None:
                 fault, scan = disagreement

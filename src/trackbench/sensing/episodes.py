@@ -1,4 +1,4 @@
-"""The scans of an episode, made while it goes on: to the last bit those that its whole motion would give."""
+"""Scans of an episode in progress, with the same bits as the scans of the finished episode."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import IdealSensor, ideal_sensor, sense_known
 from trackbench.sensing.view import firing_steps
 
-#: By array of ``IdealSensor`` and of ``Bodies``, the axis of its instants.
+#: Axis of the instants in each array of ``IdealSensor`` and of ``Bodies``, by the array's name.
 INSTANTS = {
     **dict.fromkeys(("visible", "in_view", "probability", "yaw_rate", "heading"), 0),
     **dict.fromkeys(("measurement", "pose", "velocity", "polar", "target", "centre", "axis"), 1),
@@ -26,14 +26,14 @@ INSTANTS = {
 class EpisodeSensing:
     """Sensors in an episode whose motion becomes known while it goes on.
 
-    Each call draws the noise of the longest possible episode. So the noise of an instant does not depend on the calls,
-    and effects of a sensor keep their memory.
+    Each call draws the noise of the longest possible episode. So an instant's noise does not depend on earlier calls,
+    and the effects of a sensor keep their memory.
 
     Args:
-        sensors: by name.
-        time: ``(steps,)`` of the longest possible episode, s.
-        seed: of the noise.
-        scenario: name of the scenario, by which the noise is drawn too.
+        sensors: sensors by name.
+        time: ``(steps,)`` times of the longest possible episode, s.
+        seed: seed of the noise.
+        scenario: name of the scenario, which the noise depends on too.
         hidden: whether identities are hidden.
     """
 
@@ -49,13 +49,13 @@ class EpisodeSensing:
         """Return the scans that have arrived since the last call, in the order of their arrival.
 
         Args:
-            truth: from the start of the episode to now, its last step.
+            truth: ground truth from the start of the episode to now, its last step.
         """
         for name, config in self._sensors.items():
             self._add_known_instants(name, config, truth)
         self._known_steps = len(truth.time)
         ideal, now = [*self._ideal.values()], float(truth.time[-1]) + SAME_TIME
-        with np.errstate(invalid="ignore"):  # What is to come is NaN.
+        with np.errstate(invalid="ignore"):  # Future instants are NaN.
             sense = sense_hidden if self._hidden else sense_known
             new = [scan for scan in sense(ideal, *self._noise).scans if self._latest < scan.time <= now]
         self._on_their_way += [scan_of_run(scan, 0) for scan in new] if self._hidden else new
@@ -79,7 +79,7 @@ class EpisodeSensing:
 def _with_instants(
     whole: IdealSensor | Bodies | None, part: IdealSensor | Bodies, count: int, instants: Indices
 ) -> dict[str, Any]:
-    """Return the arrays of ``whole``, over ``count`` instants, with those of ``part`` at some; NaN, False elsewhere."""
+    """Return the arrays of ``whole`` with some instants taken from ``part``; unknown instants are NaN or False."""
     result = {}
     for name, axis in INSTANTS.items():
         new = getattr(part, name, None)
@@ -89,7 +89,7 @@ def _with_instants(
         values = np.full(shape, False if new.dtype == bool else np.nan)
         if whole is not None:
             known = getattr(whole, name)
-            # Objects may have come.
+            # New objects may have appeared.
             values[tuple(map(slice, known.shape))] = known
         values[(slice(None),) * axis + (instants,)] = new
         result[name] = values

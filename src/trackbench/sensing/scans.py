@@ -1,4 +1,4 @@
-"""The measurements of a block of Monte-Carlo runs: synthesised, or as recorded."""
+"""Synthesised or recorded measurements of a block of Monte-Carlo runs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from trackbench.truth.base import Recorded
 
 @dataclass(frozen=True)
 class IdealSensor:
-    """What one sensor would read without noise, or has read, at each of its instants."""
+    """Measurements of one sensor without noise, or as recorded, at each of its instants."""
 
     name: str
     config: Sensor
@@ -43,11 +43,11 @@ class IdealSensor:
     measurement: Array
     """``(m, instants, objects, runs or 1)``."""
     visible: Mask
-    """``(instants, objects, runs or 1)``: in view, and the sensor not silent."""
+    """``(instants, objects, runs or 1)``: in view while the sensor is not silent."""
     in_view: Mask
     """``(instants, objects, runs or 1)``: present, in range and in the field of view, and not occluded."""
     probability: Array
-    """``(instants, objects, runs or 1)`` that an object is detected where it is visible."""
+    """``(instants, objects, runs or 1)`` detection probability of a visible object."""
     pose: Array
     """``(3, instants)``."""
     velocity: Array
@@ -57,16 +57,16 @@ class IdealSensor:
     noise_covariance: Array
     """``(m, m)``."""
     polar: Array | None = None
-    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s, of a sensor of limited
+    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s; only for a sensor of limited
     resolution."""
     cycle_starts: Indices = field(default_factory=lambda: np.arange(0))
-    """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
+    """``(cycles,)`` first instant of each cycle of recorded measurements."""
     bodies: Bodies | None = None
-    """What it sees, of a sensor that has effects."""
+    """Bodies of the objects; only for a sensor that has effects."""
     recorded: bool = False
-    """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
+    """Whether the measurements are recorded: no noise is added, and a missed object is NaN."""
     detections: RecordedDetections | None = None
-    """Those that are recorded where nothing says of which object they are."""
+    """Recorded detections whose objects are unknown."""
     alarms: RecordedAlarms | None = None
     """Recorded false alarms."""
 
@@ -74,15 +74,15 @@ class IdealSensor:
 def ideal_sensors(
     truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, Recorded] | None = None
 ) -> list[IdealSensor]:
-    """The side of sensing that is the same in every run.
+    """Return what the sensors measure before noise, which all runs share.
 
     Args:
-        truth: the motion.
-        sensors: by name.
-        recorded: what some of them have read.
+        truth: ground truth.
+        sensors: sensors by name.
+        recorded: recorded measurements by sensor, if any.
     """
     return [
-        _as_recorded(truth, name, config, recorded[name])
+        _recorded_sensor(truth, name, config, recorded[name])
         if recorded and name in recorded
         else ideal_sensor(truth, name, config, firing_steps(config, truth.time))
         for name, config in sensors.items()
@@ -91,32 +91,32 @@ def ideal_sensors(
 
 @dataclass(frozen=True)
 class Measurements:
-    """The scans of a block of runs, in the order in which a tracker gets them, and what no tracker may know."""
+    """Scans of a block of runs in acquisition order, and the origins of their detections, hidden from trackers."""
 
     scans: list[Scan]
-    """Sorted by time, then in the scenario's order of sensors. With known identities the batch axis is
-    ``(objects * runs,)``, objects slowest; with hidden ones ``measurement`` is ``(m, D, runs)`` and ``valid``
-    ``(D, runs)``: in each run its detections first, then columns of NaN that are not valid."""
+    """Scans sorted by time, then by the scenario's order of sensors. With known identities the batch axis is
+    ``(objects * runs,)``, objects slowest. With hidden identities ``measurement`` is ``(m, D, runs)`` and ``valid``
+    ``(D, runs)``; each run's detections come first, then invalid columns of NaN."""
     digests: list[bytes]
-    """A fingerprint of each run's measurements."""
+    """Fingerprint of each run's measurements."""
     origins: list[Indices] = field(default_factory=list)
-    """With hidden identities, for each scan ``(D, runs)``: the number of the object that a detection stems from (of a
-    merged one, the one with the larger share), or ``FALSE_ALARM`` or ``PADDING``; ``UNKNOWN_ORIGIN`` where nothing says
-    so. Where there is no truth, the number of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
+    """Origin of each detection by scan, ``(D, runs)``, with hidden identities. It is an object's number (of a merged
+    detection, the object with the larger share), ``FALSE_ALARM``, ``PADDING``, or ``UNKNOWN_ORIGIN``. Without ground
+    truth it is the number of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
     merged: list[Indices] = field(default_factory=list)
-    """With hidden identities, for each scan ``(D, runs)``: the second object of a merged detection, else -1."""
+    """Second object of each merged detection by scan, ``(D, runs)``, with hidden identities; else -1."""
 
     def detected(self) -> dict[str, int]:
-        """Return by sensor the number of detections of objects, over all scans and runs."""
+        """Return the number of detections of objects by sensor, over all scans and runs."""
         counts = dict.fromkeys((scan.sensor for scan in self.scans), 0)
-        of_objects = [origins >= 0 for origins in self.origins] or [scan.valid for scan in self.scans]
-        for scan, of_object in zip(self.scans, of_objects, strict=True):
-            counts[scan.sensor] += int(np.count_nonzero(of_object))
+        are_of_objects = [origins >= 0 for origins in self.origins] or [scan.valid for scan in self.scans]
+        for scan, is_of_object in zip(self.scans, are_of_objects, strict=True):
+            counts[scan.sensor] += int(np.count_nonzero(is_of_object))
         return counts
 
 
 def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
-    """The measurements of some of the runs. A run's noise depends on nothing but its number and the seed."""
+    """Return the measurements of some runs with known identities; a run depends on its number and the seed only."""
     scans: list[Scan] = []
     hashes = [hashlib.sha256() for _ in runs]
     for place, sensor in enumerate(sensors):
@@ -125,9 +125,9 @@ def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: 
         valid = np.empty((instants, objects, len(runs)), dtype=bool)
         keys = stream(0, "", 0, "fingerprints").integers(2**64, size=2 * size * instants * objects, dtype=np.uint64)
         for part, (noisy, detected, _) in sensor_measurements(sensor, seed, scenario, runs):
-            some = slice(part.start - runs.start, part.stop - runs.start)
-            measurement[..., some], valid[..., some] = np.swapaxes(noisy, 0, 1), detected
-            for run, total in zip(hashes[some], hashed(np.moveaxis(noisy, -1, 0), keys), strict=True):
+            columns = slice(part.start - runs.start, part.stop - runs.start)
+            measurement[..., columns], valid[..., columns] = np.swapaxes(noisy, 0, 1), detected
+            for run, total in zip(hashes[columns], hashed(np.moveaxis(noisy, -1, 0), keys), strict=True):
                 run.update(total)
         make_read_only(measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity)
         scans += [
@@ -140,7 +140,7 @@ def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: 
 
 
 def scan_at(sensor: IdealSensor, k: int, place: int, arrival: float, measurement: Array, valid: Mask) -> Scan:
-    """The scan at instant ``k`` of the sensor, the ``place``-th of the scenario, which arrives at a time in s."""
+    """Return the scan at instant ``k`` of the sensor, which is number ``place`` in the scenario; arrival in s."""
     return Scan(
         time=float(sensor.time[k]),
         sensor=sensor.name,
@@ -156,13 +156,13 @@ def scan_at(sensor: IdealSensor, k: int, place: int, arrival: float, measurement
 
 
 def make_read_only(*shared: Array | Indices | Mask) -> None:
-    """One tracker must not change what the next one reads."""
+    """Make arrays read-only, so that no tracker changes what another one reads."""
     for values in shared:
         values.setflags(write=False)
 
 
 def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
-    """``(instants,)`` when each scan reaches a tracker, s: the same in every run, so that all take it at once."""
+    """Return when each scan reaches a tracker, ``(instants,)`` s; all runs share these times."""
     low, high = sensor.config.latency
     if low == high:
         return sensor.time + low
@@ -170,15 +170,15 @@ def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
 
 
 def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:
-    """What a synthesised sensor would read without noise at some steps of the truth."""
+    """Return what a synthesised sensor measures without noise at some steps of the truth."""
     motion = motion_at(truth, config, steps)
     pose, velocity, _ = motion
     target = by_arithmetic(np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps])
     measurement = np.asarray(config.measure(target, pose[:, :, None, None], velocity[:, :, None, None]))
-    seen = polar(truth, steps, motion)
-    within = objects_in_view(truth, steps, config, motion, seen)
+    polar_values = polar(truth, steps, motion)
+    within = objects_in_view(truth, steps, config, motion, polar_values)
     visible = within & ~silent(config, truth.time[steps])[:, None, None]
-    probability = detection_probability(config, seen)
+    probability = detection_probability(config, polar_values)
     noise, time = config.noise_covariance(), truth.time[steps]
     bodies = None
     if config.effects:
@@ -186,32 +186,32 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
         axis = np.stack([np.cos(heading), np.sin(heading)])
         size = truth.length[:, None], truth.width[:, None]
         bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], *size, centre=target[:2])
-    resolved = None if config.resolution is None else seen
+    resolved = None if config.resolution is None else polar_values
     seen_by = name, config, steps, time, measurement, visible, within, probability
     return IdealSensor(*seen_by, *motion, noise, resolved, bodies=bodies)
 
 
-def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded) -> IdealSensor:
+def _recorded_sensor(truth: Truth, name: str, config: Sensor, measurements: Recorded) -> IdealSensor:
     if isinstance(measurements, RecordedDetections):
         shape = len(measurements.steps), len(truth.ids)
-        none = np.full((len(config.components), *shape), np.nan), np.zeros(shape, dtype=bool)
-        unlabelled = _as_recorded(truth, name, config, RecordedMeasurements(measurements.steps, *none))
+        no_measurements = np.full((len(config.components), *shape), np.nan), np.zeros(shape, dtype=bool)
+        unlabelled = _recorded_sensor(truth, name, config, RecordedMeasurements(measurements.steps, *no_measurements))
         return replace(unlabelled, detections=measurements)
     steps, valid = measurements.steps, measurements.valid
-    cycle = np.arange(len(steps)) if measurements.cycle is None else measurements.cycle
-    _, first, number = np.unique(cycle, return_index=True, return_inverse=True)
-    in_cycle = np.logical_or.reduceat(valid, first, axis=0)[number] if len(steps) else valid
-    # An object that a cycle detected at another of its instants was not missed at this one.
-    missed = ~in_cycle & np.isin(np.arange(len(steps)), first)[:, None]
-    silenced = silent(config, truth.time[steps])[:, None, None]
+    cycles = np.arange(len(steps)) if measurements.cycle is None else measurements.cycle
+    _, first, cycle_index = np.unique(cycles, return_index=True, return_inverse=True)
+    is_in_cycle = np.logical_or.reduceat(valid, first, axis=0)[cycle_index] if len(steps) else valid
+    # An object detected at another instant of the cycle was not missed at this one.
+    is_missed = ~is_in_cycle & np.isin(np.arange(len(steps)), first)[:, None]
+    is_silent = silent(config, truth.time[steps])[:, None, None]
     ideal = ideal_sensor(truth, name, config, steps)
-    within = ideal.in_view | valid[:, :, None]
+    is_in_view = ideal.in_view | valid[:, :, None]
     return replace(
         ideal,
         measurement=measurements.measurement[..., None],
-        visible=(valid[:, :, None] | (missed[:, :, None] & ideal.in_view)) & ~silenced,
-        in_view=within,
-        probability=np.broadcast_to(1.0, within.shape),
+        visible=(valid[:, :, None] | (is_missed[:, :, None] & ideal.in_view)) & ~is_silent,
+        in_view=is_in_view,
+        probability=np.broadcast_to(1.0, is_in_view.shape),
         polar=None,
         bodies=None,
         cycle_starts=first,
@@ -221,7 +221,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
 
 
 def scan_rate(sensor: IdealSensor) -> float | None:
-    """Scans per second, Hz: as stated, or of recorded ones the median; None where there is a single one."""
+    """Return the scans per second, Hz: as configured, or the median of recorded scans; None for a single scan."""
     if not sensor.recorded:
         return sensor.config.rate_hz
     starts = sensor.time[sensor.cycle_starts]
@@ -229,24 +229,24 @@ def scan_rate(sensor: IdealSensor) -> float | None:
 
 
 class ObjectMeasurements(NamedTuple):
-    """What one sensor has measured of the objects in some runs."""
+    """Measurements by one sensor of the objects in some runs."""
 
     measurement: Array
     """``(m, instants, objects, runs)``, NaN where not detected."""
     detected: Mask
     """``(instants, objects, runs)``."""
     sensed: Sensed | None
-    """Before its white noise, of a sensor that has effects."""
+    """Measurements before white noise; only for a sensor that has effects."""
 
 
-#: Measurements of a component that are made at a time: as many as the cache of a processor holds.
+#: Measurements of one component made at a time, so that they fit into the processor's cache.
 AT_A_TIME = 2**18
 
 
 def sensor_measurements(
     sensor: IdealSensor, seed: int, scenario: str, runs: range
 ) -> Iterator[tuple[range, ObjectMeasurements]]:
-    """The measurements of some runs, a few runs at a time."""
+    """Yield the measurements of some runs, a few runs at a time."""
     size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(0, len(runs), size):
         part = runs[first : first + size]
@@ -270,13 +270,13 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
     else:
         noisy = noisy_measurements(sensor.config, ideal, draws)
-    # What was recorded is the same in all runs, which may detect it or not.
+    # A recorded measurement is the same in all runs; only its detection may differ.
     noisy = np.add(noisy, np.where(detected, 0.0, np.nan), out=noisy if noisy.shape[1:] == detected.shape else None)
     return ObjectMeasurements(noisy, detected, sensed)
 
 
 def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sensed:
-    """Some runs of a sensor that has effects, before its white noise."""
+    """Return what a sensor with effects measures in some runs, before its white noise."""
     assert sensor.bodies is not None
     size, instants, objects = sensor.measurement.shape[:3]
     scale = np.ones((1, instants, objects, 1))
@@ -300,38 +300,38 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
 
 
 def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, runs: range) -> RunStreams:
-    """What an effect, the ``place``-th of the sensor, draws from: for each of its methods from the start."""
+    """Return new random streams for effect number ``place`` of the sensor."""
     return RunStreams(fast_streams(seed, scenario, runs, f"effect {place} of {sensor.name}"))
 
 
 def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:
-    """Measurements ``(m, ...)`` with the sensor's noise, which ``draws`` of a standard normal become."""
-    own = (slice(None), *(None,) * (ideal.ndim - 1))
-    draws *= np.array(config.sigmas())[own]
+    """Return measurements ``(m, ...)`` with the sensor's noise; overwrite the standard normal ``draws`` with them."""
+    by_component = (slice(None), *(None,) * (ideal.ndim - 1))
+    draws *= np.array(config.sigmas())[by_component]
     draws += ideal
     for angle in (draws[i] for i in config.angular):
-        # Of most sensors no angle needs to be wrapped.
+        # Wrapping is slow, and most sensors never need it.
         if not (angle.min(initial=0.0) > -SURELY_WRAPPED and angle.max(initial=0.0) < SURELY_WRAPPED):
             angle[...] = wrap_angle(angle)
     return as_given(config, draws)
 
 
-#: Angles up to this are what they were once they are wrapped, rad.
+#: Wrapping leaves angles up to this size unchanged, rad.
 SURELY_WRAPPED = 3.0
 
 
 def as_given(config: Sensor, measurement: Array) -> Array:
-    """Measurements ``(m, ...)`` as the sensor gives them."""
+    """Apply the effects that act on noisy measurements ``(m, ...)``."""
     for effect in config.effects:
         measurement = answers.after(effect, measurement, config)
     return measurement
 
 
 def hashed(values: Array, keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
-    """``(runs,)`` hashes of numbers ``(runs, ...)``: the sums of their halves times random ``keys``, modulo 2^64.
+    """Return ``(runs,)`` sums of the 32-bit halves of numbers ``(runs, ...)`` times random ``keys``, modulo 2^64.
 
-    Source: Lemire and Kaser (2014), "Strongly universal string hashing is fast", MULTILINEAR: two lists of numbers have
-    the same with a probability of less than 2^-32.
+    Source: Lemire and Kaser (2014), "Strongly universal string hashing is fast", MULTILINEAR: two lists of numbers
+    share a hash with a probability of less than 2^-32.
     """
     halves = np.ascontiguousarray(values).reshape(len(values), -1).view(np.uint32)
     return np.asarray(np.einsum("rn,n->r", halves, keys))

@@ -1,4 +1,4 @@
-"""The point of a body at which position and velocity are scored."""
+"""Point of a body at which position and velocity are scored."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ ScoredPoint = Literal["centre", "rear", "nearest_face"]
 
 
 def truth_of_point(truth: Truth, point: ScoredPoint) -> Truth:
-    """Return a truth whose positions and velocities are those of a point of each body.
+    """Return the ground truth of a point of each body instead of its centre.
 
-    The velocity is that of a rigid body: the centre's plus the yaw rate times the offset, a quarter turn to the left.
+    The body is rigid: its point moves with the centre's velocity plus the yaw rate times the offset turned left by 90°.
 
     Args:
-        truth: of the centres.
-        point: the centre, the middle of the rear, or the middle of the face whose middle is nearest to the observer.
+        truth: ground truth of the centres.
+        point: the centre, the middle of the rear, or the middle of the face nearest to the observer.
 
     Raises:
         InputError: the size of a body is not known.

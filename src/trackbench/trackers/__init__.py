@@ -1,1 +1,5 @@
-"""Trackers: what a scenario names. A tracker starts a track, keeps time and runs a filter."""
+"""Trackers of a scenario: built-in filters with their tracks, and the options of every tracker.
+
+A tracker's configuration and scans come in; estimates of one object, or tracks of several, go out. Read ``filtered.py``
+first.
+"""

@@ -1,4 +1,4 @@
-"""What a tracker is, and the check of what its ``step`` returns: an estimate of one object, or tracks of several."""
+"""Interface of a tracker, and the check of the estimate or tracks that its ``step`` returns."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ GIVEN_UP = "it gave None after an estimate: from then on each scan needs one; pr
 
 OF_ONE = "it gave an estimate of one object; with hidden identities step must return (state, Tracks)"
 OF_SEVERAL = "it gave tracks of several objects, which need sensing: {identities: hidden}"
-#: Stands for the state of a tracker that keeps it elsewhere: in its process or program.
+#: Placeholder for the state of a tracker in another process or program, which stores it there.
 KEPT_THERE = "kept there"
-#: Id that pads the tracks of several runs.
+#: Id of padding in the tracks of several runs.
 NO_TRACK = -1
-#: What ``step`` of a tracker of several objects returns beside the state, in messages.
+#: Name, in messages, of what a multi-object tracker's ``step`` returns beside the state.
 TRACKS = "Tracks"
 
 #: Largest difference of mirrored entries of a covariance, relative to its largest entry.
@@ -28,16 +28,16 @@ ASYMMETRY = 1e-6
 
 
 class Tracker(Protocol):
-    """Estimates one object (or, with a class attribute ``batched = True``, a batch of them) from its measurements.
+    """Tracker of one object, or, with a class attribute ``batched = True``, of a batch of objects.
 
-    One that draws random numbers, such as a particle filter, says so by a class attribute ``random = True``.
+    A tracker that draws random numbers, such as a particle filter, has a class attribute ``random = True``.
     """
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Estimate | tuple[Array, Array] | None]:
-        """The state and the estimate after a scan.
+        """Return the state and the estimate after a scan.
 
-        ``state`` is None at the first measurement and is never changed in place. The estimate is None while there is
-        none; a batched tracker gives NaN where an object has none yet.
+        ``state`` is None at the first measurement and is never changed in place. The estimate is None before the first
+        one; a batched tracker returns NaN for an object without an estimate yet.
         """
         ...
 
@@ -46,13 +46,11 @@ class TrackerFault(Exception):
     """Invalid output of a tracker."""
 
 
-def require_kept(answer: Any, estimated: bool, finite: bool = True) -> None:
-    """Make sure that an answer is an estimate where there was one before, and that of one member finite.
-
-    A mean of NaN alone is a missing estimate, of one member as of a batch.
+def require_continued(answer: Any, estimated: bool, finite: bool = True) -> None:
+    """Require an estimate once there was one, and a finite one if ``finite``; a mean of only NaN counts as missing.
 
     Raises:
-        TrackerFault: it is not.
+        TrackerFault: the estimate has ended or is not finite.
     """
     if answer is None and estimated:
         raise TrackerFault(GIVEN_UP)
@@ -63,22 +61,22 @@ def require_kept(answer: Any, estimated: bool, finite: bool = True) -> None:
 
 
 def is_random(tracker: Any) -> bool:
-    """Whether it says ``random = True``; another attribute of that name, such as a generator, says nothing."""
-    return any(getattr(of, "random", None) is True for of in (type(tracker), tracker))
+    """Return whether ``tracker.random`` is True; any other value, such as a random generator, counts as False."""
+    return any(getattr(owner, "random", None) is True for owner in (type(tracker), tracker))
 
 
 def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:
-    """State and estimate, or tracks, from what ``step`` returned."""
+    """Return the state and the answer from what ``step`` returned; ``what`` names the answer in the error."""
     if not isinstance(answer, tuple) or len(answer) != 2:
         raise TrackerFault(f"step must return (state, {what}), not {_described(answer)}")
     return answer
 
 
 def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
-    """An estimate of the right shapes, its covariance symmetric.
+    """Return an estimate with valid shapes and a symmetric covariance.
 
     Raises:
-        TrackerFault: it is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
+        TrackerFault: the answer is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
     """
     estimate = shaped_estimate(answer, scan)
     if estimate is not None:
@@ -87,10 +85,10 @@ def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
 
 
 def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
-    """An estimate of the right shapes.
+    """Return an estimate with valid shapes.
 
     Raises:
-        TrackerFault: it is not a mean (4, ...) with a covariance (4, 4, ...).
+        TrackerFault: the answer is not a mean (4, ...) with a covariance (4, 4, ...).
     """
     if answer is None:
         return None
@@ -115,7 +113,7 @@ def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
         covariance=_shaped_array("covariance", answer.covariance, (4, 4, *batch)),
         innovation=innovation,
         innovation_covariance=spread,
-        # It is computed here, rather than believed.
+        # The bench computes this itself.
         whitened_innovation=None,
         mode_probabilities=modes,
         log_likelihood=None,
@@ -124,16 +122,16 @@ def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
 
 
 def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
-    """Those of one run, without padding."""
-    there = tracks.ids[:, run] != NO_TRACK
-    return Tracks(*(None if part is None else part[..., there, run] for part in tracks))  # type: ignore[arg-type]
+    """Return the tracks of one run, without padding."""
+    is_track = tracks.ids[:, run] != NO_TRACK
+    return Tracks(*(None if part is None else part[..., is_track, run] for part in tracks))  # type: ignore[arg-type]
 
 
 def checked_tracks(answer: Any, scan: Scan) -> Tracks:
-    """Tracks of the right shapes, of one run or of many; none where the tracker answered None.
+    """Return tracks with valid shapes, of one run or many; no tracks if the tracker answered None.
 
     Raises:
-        TrackerFault: they are not; says why.
+        TrackerFault: the answer is invalid; says why.
     """
     runs = np.shape(scan.valid)[1:]
     if answer is None:
@@ -145,44 +143,44 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
         raise TrackerFault(f"the answer must be {wanted} or None, not {_described(answer)}")
     tracks = Tracks(*answer)
     shape = (*np.shape(tracks.ids)[:1], *runs)
-    ids = _whole("ids", tracks.ids, shape)
+    ids = _whole_numbers("ids", tracks.ids, shape)
     mean = _shaped_array("mean", tracks.mean, (4, *shape))
     covariance = _shaped_array("covariance", tracks.covariance, (4, 4, *shape))
-    there = ids != NO_TRACK
+    is_track = ids != NO_TRACK
     # Only tracks of several runs are padded.
     if np.any(ids < (NO_TRACK if runs else 0)):
         raise TrackerFault(f"an id is {ids.min()}; ids count from 0")
     ordered = np.sort(ids, axis=0)
-    twice = (np.diff(ordered, axis=0) == 0) & (ordered[1:] != NO_TRACK)
-    if np.any(twice):
-        raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
-    require_covariances(ids[there], mean[:, there], covariance[:, :, there])
+    is_repeated = (np.diff(ordered, axis=0) == 0) & (ordered[1:] != NO_TRACK)
+    if np.any(is_repeated):
+        raise TrackerFault(f"two tracks have the id {ordered[1:][is_repeated][0]}")
+    require_covariances(ids[is_track], mean[:, is_track], covariance[:, :, is_track])
     existence = None if tracks.existence is None else _shaped_array("existence", tracks.existence, shape)
     if existence is not None:
-        wrong = there & ~((existence >= 0) & (existence <= 1))
-        if wrong.any():
-            message = f"the existence probability of track {ids[wrong][0]} is {existence[wrong][0]:g}"
+        is_wrong = is_track & ~((existence >= 0) & (existence <= 1))
+        if is_wrong.any():
+            message = f"the existence probability of track {ids[is_wrong][0]} is {existence[is_wrong][0]:g}"
             raise TrackerFault(f"{message}, which is not between 0 and 1")
-    used = None if tracks.used is None else _whole("used", tracks.used, shape)
-    if used is not None and there.any():
+    used = None if tracks.used is None else _whole_numbers("used", tracks.used, shape)
+    if used is not None and is_track.any():
         count = np.broadcast_to(np.count_nonzero(scan.valid, axis=0), shape)
-        wrong = there & ((used < NO_TRACK) | (used >= count))
-        if wrong.any():
-            raise TrackerFault(f"used names detection {used[wrong][0]}, where the scan has {count[wrong][0]}")
+        is_wrong = is_track & ((used < NO_TRACK) | (used >= count))
+        if is_wrong.any():
+            raise TrackerFault(f"used names detection {used[is_wrong][0]}, where the scan has {count[is_wrong][0]}")
     return Tracks(ids, mean, covariance, existence, used)
 
 
 def require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
-    """Finite estimates with symmetric, positive definite covariances: ``(K,)``, ``(4, K)``, ``(4, 4, K)``."""
+    """Require finite estimates with symmetric, positive definite covariances ``(4, 4, K)``."""
     if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
         wrong = int(np.flatnonzero(~np.isfinite(mean.sum(axis=0) + covariance.sum(axis=(0, 1))))[0])
         part, value = ("mean", mean) if not np.isfinite(mean[:, wrong]).all() else ("covariance", covariance)
         numbers = np.array2string(value[..., wrong], precision=4, separator=", ").replace("\n", "")
         raise TrackerFault(f"{NOT_FINITE}: track {ids[wrong]} has the {part} {numbers}")
     _require_symmetric(covariance)
-    positive = linalg.cholesky(covariance).positive
-    if not positive.all():
-        wrong = int(np.flatnonzero(~positive)[0])
+    is_positive = linalg.cholesky(covariance).positive
+    if not is_positive.all():
+        wrong = int(np.flatnonzero(~is_positive)[0])
         smallest = np.linalg.eigvalsh(covariance[..., wrong])[0]
         raise TrackerFault(f"{NOT_DEFINITE}: that of track {ids[wrong]} has the eigenvalue {smallest:.3g}")
 
@@ -196,8 +194,8 @@ def _require_symmetric(covariance: Array) -> None:
         raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
 
 
-def _whole(what: str, value: Any, shape: tuple[int, ...]) -> Indices:
-    # Programs have float64 alone.
+def _whole_numbers(what: str, value: Any, shape: tuple[int, ...]) -> Indices:
+    # Programs send every number as float64.
     array = _shaped_array(f"array of {what}", value, shape)
     if not np.all((np.abs(array) < 1 << 53) & (array == np.floor(array))):
         raise TrackerFault(f"the {what} are not whole numbers: {_described(value)}")
@@ -205,7 +203,7 @@ def _whole(what: str, value: Any, shape: tuple[int, ...]) -> Indices:
 
 
 def _shaped_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """An array of numbers of this shape; NaN where a masked array has none."""
+    """Return an array of numbers of this shape, with NaN for masked entries."""
     try:
         if np.iscomplexobj(value):
             raise TypeError

@@ -1,4 +1,4 @@
-"""How a tracker of several objects associates detections with its tracks, and when tracks begin and end."""
+"""Options of a multi-object tracker: association of detections, and rules for tracks to begin and end."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from trackbench.base.config import (
 AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
-#: Methods that confirm tracks by counting or by score; the others by the probability that the object exists.
+#: Methods that confirm tracks by counting or by score, and methods with existence probabilities.
 COUNTING: tuple[AssociationMethod, ...] = ("gnn", "jpda", "oracle", "naive")
 EXISTENCE: tuple[AssociationMethod, ...] = ("jipda", "pmb")
-#: The methods that have a key, where not all have it.
+#: Methods that use a key, for keys that not all methods use.
 METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "gate": ("gnn", "jpda", "jipda", "pmb", "naive"),
     "report_existence": EXISTENCE,
@@ -41,7 +41,7 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "undetected": EXISTENCE,
     "birth_density": EXISTENCE,
 }
-#: The methods that confirm tracks by a rule; each can by counting.
+#: Methods that can confirm tracks by a rule; all methods can confirm by counting.
 CONFIRMED_BY: dict[str, tuple[AssociationMethod, ...]] = {"score": ("gnn", "jpda"), "existence": EXISTENCE}
 #: Most scans within which a track may be confirmed.
 LONGEST_WINDOW = 100
@@ -55,15 +55,15 @@ def _require_rule(value: Any) -> Any:
 
 
 class GaussianBirths(Config):
-    """A place about which objects begin: a Gaussian of the same standard deviation on both axes."""
+    """Region in which objects begin: a Gaussian with one standard deviation for both axes."""
 
-    x: float = Field(ge=-1e8, le=1e8, description="Its mean along x in the fixed frame, m.")
-    y: float = Field(ge=-1e8, le=1e8, description="Its mean along y in the fixed frame, m.")
-    sigma_m: Sigma = Field(description="Its standard deviation, m.")
+    x: float = Field(ge=-1e8, le=1e8, description="Mean along x in the fixed frame, m.")
+    y: float = Field(ge=-1e8, le=1e8, description="Mean along y in the fixed frame, m.")
+    sigma_m: Sigma = Field(description="Standard deviation, m.")
 
 
 class AssociateConfig(Config):
-    """Tracks of several objects from detections that nobody labelled."""
+    """Options for tracking several objects from detections without identities."""
 
     method: AssociationMethod = Field(
         description="gnn: global nearest neighbour. jpda: joint probabilistic data association. jipda: the same with "
@@ -131,23 +131,23 @@ class AssociateConfig(Config):
 
     @property
     def confirms_by(self) -> list[int] | Literal["score", "existence"]:
-        """``confirm``, or what the method does unless it is given."""
+        """Rule of confirmation: ``confirm``, or the default of the method."""
         if self.confirm is not None:
             return self.confirm
         if self.method in EXISTENCE:
             return "existence"
-        # With no false alarms to fear.
+        # The oracle knows the false alarms.
         return [1, 1] if self.method == "oracle" else [3, 5]
 
     @property
     def report_limits(self) -> tuple[float, float]:
-        """Least existence probability of a track that is confirmed by it, and of a confirmed one that is reported."""
+        """Least existence probabilities that confirm a track and that keep a confirmed track reported."""
         limits = self.report_existence
         return (limits[0], limits[1]) if isinstance(limits, list) else (limits, limits)
 
     @property
     def confirmation(self) -> str:
-        """What confirms a track, in words."""
+        """Rule of confirmation in words."""
         rule = self.confirms_by
         return rule if isinstance(rule, str) else f"{rule[0]} of {rule[1]}"
 

@@ -1,4 +1,4 @@
-"""What a tracker takes in place of what a sensor states, and what it assumes of a sensor's effects."""
+"""Sensor models, noise and sensor effects assumed by a tracker, in place of the stated ones."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.effects.base import component_problems
 from trackbench.models.sensors.effects.signal import SignalRange
 
-#: What is nearer, or measured to be, has the signal of this distance, m.
+#: Smallest distance at which the signal is computed, m.
 NEAREST = 1.0
 
 
 class ErrorProcess(Config):
-    """Errors that change slowly, as part of the state: a first-order Gauss-Markov process for each component."""
+    """Slowly changing errors as part of the state: a first-order Gauss-Markov process per component."""
 
     components: list[str] = Field(
-        min_length=1, description="Components of the measurement that have them, such as [range, azimuth, range_rate]."
+        min_length=1,
+        description="Components of the measurement with these errors, such as [range, azimuth, range_rate].",
     )
-    share: float = Field(gt=0, lt=1, description="Their share of the noise variance; the rest is white.")
+    share: float = Field(gt=0, lt=1, description="Share of these errors in the noise variance; the rest is white.")
     time_s: Positive = Field(description="Time constant of the process, s.")
 
 
 class ConstantErrors(Config):
-    """Errors that stay, as part of the state."""
+    """Constant errors as part of the state."""
 
     sigmas: dict[str, NonNegative] = Field(
         min_length=1,
@@ -42,7 +43,7 @@ class ConstantErrors(Config):
 
 
 class AssumedEffects(Config):
-    """Effects of a sensor that a tracker assumes."""
+    """Effects of a sensor assumed by a tracker."""
 
     signal_to_noise: SignalRange | None = Field(
         None,
@@ -58,21 +59,20 @@ class AssumedEffects(Config):
 
     @property
     def names(self) -> list[str]:
-        """Of the effects, as sentences have them."""
+        """Names of the assumed effects, in words."""
         return [name.replace("_", " ") for name in type(self).model_fields if getattr(self, name) is not None]
 
     @property
     def states(self) -> list[str]:
-        """The keys of those that are errors as part of the state."""
+        """Keys of the assumed effects that add errors to the state."""
         return [key for key in ("correlated_errors", "bias") if getattr(self, key) is not None]
 
     def problems_on(self, kind: str, linear: bool) -> Iterator[Problem]:
-        """What does not fit a kind of sensor.
+        """Yield the effects that a kind of sensor does not have.
 
         Args:
-            kind: of sensor, by its name.
-            linear: whether the filter converts measurements to positions, as the Kalman filter does, which changes
-                their errors.
+            kind: name of the kind of sensor.
+            linear: whether the filter converts measurements to positions, as the Kalman filter does.
         """
         sensor = SENSOR_MODELS[kind]
         if self.signal_to_noise is not None and not sensor.measures_position():
@@ -96,7 +96,7 @@ class AssumedEffects(Config):
 
 
 def error_states(effects: Mapping[str, AssumedEffects]) -> tuple[ErrorState, ...]:
-    """The errors that are part of the state, of effects by the sensor's name."""
+    """Return the errors that are part of the state, from the effects by sensor."""
     states = []
     for sensor, assumed in effects.items():
         if assumed.correlated_errors is not None:
@@ -110,20 +110,20 @@ def error_states(effects: Mapping[str, AssumedEffects]) -> tuple[ErrorState, ...
 
 @dataclass(frozen=True)
 class AssumedSensors:
-    """The equations and the noise that a tracker takes in place of a sensor's own, by the sensor's name."""
+    """Sensor models and noise that a tracker assumes, by the sensor's name."""
 
     models: Mapping[str, str] = field(default_factory=dict)
-    """The kind of sensor that it is taken for."""
+    """Assumed kind of each sensor, by the sensor's name."""
     noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Standard deviations by the option that states them."""
+    """Assumed standard deviations of each sensor, by option."""
     effects: Mapping[str, AssumedEffects] = field(default_factory=dict)
 
     def read(self, scan: Scan) -> Scan:
-        """The scan as the tracker takes it, each measurement with its own noise."""
+        """Return the scan as the tracker assumes it, with the noise of each measurement."""
         return self.with_noise_by_range(self.stated(scan))
 
     def stated(self, scan: Scan) -> Scan:
-        """The scan by the sensor and the noise that the tracker takes, alike at all ranges."""
+        """Return the scan with the assumed kind of sensor, and noise that does not depend on range."""
         kind = self.models.get(scan.sensor, scan.kind)
         if kind != scan.kind:
             scan = scan._replace(kind=kind)
@@ -133,7 +133,7 @@ class AssumedSensors:
         return scan
 
     def with_noise_by_range(self, scan: Scan) -> Scan:
-        """The scan, each measurement with the noise of its range where the tracker assumes that."""
+        """Return the scan with noise by range, if the tracker assumes noise by range."""
         signal = self.signal(scan.sensor)
         if signal is None:
             return scan
@@ -141,22 +141,22 @@ class AssumedSensors:
         return scan._replace(noise_covariance=linalg.expand(scan.noise_covariance, scan.measurement[None]) * factor)
 
     def signal(self, sensor: str) -> SignalRange | None:
-        """The signal-to-noise ratio that is assumed of a sensor."""
+        """Return the assumed signal-to-noise ratio of a sensor, if any."""
         return self.effects[sensor].signal_to_noise if sensor in self.effects else None
 
 
 def measured_distance(scan: Scan) -> Array:
-    """``(...)`` the distance that each measurement states, m; one where there is no measurement."""
+    """Return the distance that each measurement states, ``(...)`` m; one for an invalid measurement."""
     model = SENSOR_MODELS[scan.kind]
     if "range" in model.components:
-        away = np.maximum(scan.measurement[model.components.index("range")], NEAREST)
+        distance = np.maximum(scan.measurement[model.components.index("range")], NEAREST)
     else:
-        away = distance_from_sensor(model.position(scan).mean, scan)
-    return np.where(scan.valid, away, NEAREST)
+        distance = distance_from_sensor(model.position(scan).mean, scan)
+    return np.where(scan.valid, distance, NEAREST)
 
 
 def distance_from_sensor(position: Array, scan: Scan) -> Array:
-    """``(...)`` of positions ``(2, ...)`` from the sensor, m."""
+    """Return the distance ``(...)`` of positions ``(2, ...)`` from the sensor, m."""
     x, y = position - linalg.expand(scan.sensor_pose[:2], position)
-    away: Array = np.maximum(np.hypot(x, y), NEAREST)
-    return away
+    distance: Array = np.maximum(np.hypot(x, y), NEAREST)
+    return distance

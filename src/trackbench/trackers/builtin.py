@@ -1,4 +1,4 @@
-"""The built-in filters as trackers, made from the keys that a scenario gives."""
+"""Built-in filters as trackers, made from the options of a scenario."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from trackbench.trackers.config import FilterConfig, FilterName, ImmConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.late import LateScans
 
-#: What each name stands for, as ``trackbench list filters`` shows it.
+#: Description of each filter, shown by ``trackbench list filters``.
 FILTERS = {
     "kf": "Kalman filter on positions (a radar measurement is converted, its range rate left out); motion cv or ca",
     "ekf": "extended Kalman filter of first order",
@@ -36,13 +36,13 @@ FILTERS = {
 
 
 def build(config: FilterConfig) -> LateScans:
-    """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
+    """Return the tracker of a scenario's ``filter:`` entry."""
     tracker = FilterTracker(filter_of(config), config.initial, **config.scan_options)
     return LateScans(tracker, config.late, config.lag_s)
 
 
 def _factory(name: FilterName) -> Callable[..., LateScans]:
-    """The tracker of one filter by options, which are the keys of a scenario's ``filter:`` entry without the filter."""
+    """Return a function that makes the tracker of one filter; its options are the keys of a ``filter:`` entry."""
 
     def factory(**options: Any) -> LateScans:
         return build(FilterConfig(filter=name, **options))
@@ -62,17 +62,16 @@ ckf = _factory("ckf")
 
 
 def filter_of(config: FilterConfig) -> Filter[Any]:
-    """The filter that the keys describe."""
+    """Return the filter of the options, with its motion models."""
     errors = error_states(config.assume)
     models = [MotionWithErrors(motion=motion, errors=errors) if errors else motion for motion in config.models]
-    filters = tuple(filter_with(config, motion) for motion in models)
+    filters = tuple(single_model_filter(config, motion) for motion in models)
     if not isinstance(config.motion, ImmConfig):
         return filters[0]
     return InteractingMultipleModel(filters, tuple(config.motion.stay_s), config.motion.first_probabilities)
 
 
-def filter_with(config: FilterConfig, motion: MotionModel) -> SingleModelFilter:
-    """The filter that the keys describe, with one motion model."""
+def single_model_filter(config: FilterConfig, motion: MotionModel) -> SingleModelFilter:
     match config.filter:
         case "kf":
             return KalmanFilter(motion)

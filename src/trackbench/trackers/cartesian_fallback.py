@@ -1,4 +1,4 @@
-"""Position and velocity in place of a state whose course is unknown."""
+"""Replacement of a track's state by position and velocity while its course is unknown."""
 
 from __future__ import annotations
 
@@ -26,42 +26,41 @@ from trackbench.filters.imm import moment_matched
 from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
 from trackbench.models.motion.base import YAW
 
-#: Standard deviation of a yaw above which a state with it is no longer taken to be Gaussian, rad.
+#: Standard deviation of the yaw above which a state with a yaw no longer counts as Gaussian, rad.
 COURSE_LOST = 0.5
-#: Standard deviation of the course below which it is, rad.
+#: Standard deviation of the course below which the course counts as known, rad.
 COURSE_KNOWN = 0.1
-#: Share of the speed below which the standard deviation along the course must be as well: a speed of either sign has no
-#: course.
+#: Largest standard deviation along a known course, as a share of the speed: a speed of uncertain sign has no course.
 SPEED_KNOWN = 0.2
 
 
 class CartesianFallback(NamedTuple):
-    """The tracks whose course is unknown."""
+    """Position and velocity of the tracks whose course is unknown."""
 
     where: Mask
-    """``(...)`` which tracks these are."""
+    """``(...)`` True for tracks in the fallback."""
     belief: Belief
-    """``(4, ...)`` px, py, vx, vy; elsewhere a placeholder."""
+    """``(4, ...)`` px, py, vx, vy; a placeholder for tracks that are not in the fallback."""
 
 
-def added(fallback: CartesianFallback | None, where: Mask, cartesian: Gaussian) -> CartesianFallback:
-    """The fallback with further tracks.
+def joined(fallback: CartesianFallback | None, where: Mask, cartesian: Gaussian) -> CartesianFallback:
+    """Return the fallback with further tracks.
 
     Args:
-        fallback: the tracks in it so far.
-        where: ``(...)`` the further ones.
-        cartesian: ``(4, ...)`` their px, py, vx, vy.
+        fallback: tracks in the fallback so far, if any.
+        where: ``(...)`` True for further tracks.
+        cartesian: ``(4, ...)`` px, py, vx, vy of the further tracks.
     """
     belief = Belief(*cartesian)
     if fallback is None:
         return CartesianFallback(where, belief)
-    both = choose(where, belief, fallback.belief)
-    assert isinstance(both, Belief)
-    return CartesianFallback(fallback.where | where, both)
+    beliefs = choose(where, belief, fallback.belief)
+    assert isinstance(beliefs, Belief)
+    return CartesianFallback(fallback.where | where, beliefs)
 
 
 def course_known(belief: Gaussian) -> Mask:
-    """``(...)`` whether the velocity of px, py, vx, vy tells the course, and is far enough from its reverse."""
+    """Return ``(...)`` whether the velocity is certain enough to tell the course from its reverse."""
     vx, vy = belief.mean[2:]
     p = belief.covariance[2:, 2:]
     square = vx * vx + vy * vy
@@ -73,37 +72,37 @@ def course_known(belief: Gaussian) -> Mask:
 
 @dataclass(frozen=True)
 class CourseLost:
-    """Tells where a belief has lost the course: where modes of more than half the probability are too uncertain."""
+    """Test for beliefs whose modes with an uncertain yaw have more than half of the probability."""
 
     components: tuple[tuple[str, ...], ...]
-    """Of the state of each motion model."""
+    """Components of each motion model's state."""
 
     def __call__(self, belief: AnyBelief) -> Mask:
-        lost: Array = np.zeros(belief[0].shape[1:])
+        lost_probability: Array = np.zeros(belief[0].shape[1:])
         for names, mode, weight in zip(self.components, *_modes(belief), strict=True):
             for name in set(YAW) & set(names):
                 i = names.index(name)
-                lost = lost + weight * (mode.covariance[i, i] >= COURSE_LOST**2)
-        return lost > 0.5
+                lost_probability = lost_probability + weight * (mode.covariance[i, i] >= COURSE_LOST**2)
+        return lost_probability > 0.5
 
 
 @dataclass(frozen=True)
 class FallbackFilter:
-    """Runs the tracks whose course is unknown with a filter of the tracker's kind on px, py, vx, vy."""
+    """Filter on px, py, vx, vy for the tracks whose course is unknown, of the same kind as the tracker's."""
 
     filter: Filter[Any]
-    """The tracker's."""
+    """Filter of the tracker."""
     engine: Engine
     sigmas: InitialSigmas
-    """Assumed of the components that position and velocity leave open; the acceleration drives the fallback."""
+    """Assumed standard deviations of components beyond position and velocity; the acceleration drives the fallback."""
     at_start: bool
-    """Whether a track may start so."""
+    """Whether a track may start in the fallback."""
     later: bool
-    """Whether one falls back that loses its course later."""
+    """Whether a track that loses its course later enters the fallback."""
 
     @cached_property
     def guard(self) -> StepGuard | None:
-        """Refuses the fused step for tracks whose course has become unknown."""
+        """Guard that refuses the fused step for tracks whose course has become unknown."""
         return CourseLost(tuple(motion.components for motion in self.filter.motions)) if self.later else None
 
     @cached_property
@@ -117,23 +116,23 @@ class FallbackFilter:
     def begun(
         self, fallback: CartesianFallback | None, fresh: Mask, state_of: Callable[[MotionModel], Gaussian]
     ) -> CartesianFallback | None:
-        """The fallback with the fresh tracks ``(...)`` whose course is unknown where they start."""
+        """Return the fallback with those new tracks ``(...)`` whose course is unknown."""
         if not self.at_start:
             return fallback
         cartesian = state_of(self._cartesian.motions[0])
         fresh = fresh & ~course_known(cartesian)
-        return added(fallback, fresh, cartesian) if np.any(fresh) else fallback
+        return joined(fallback, fresh, cartesian) if np.any(fresh) else fallback
 
     def predicted(
         self, fallback: CartesianFallback | None, elapsed: float, belief: AnyBelief, started: Mask
     ) -> CartesianFallback | None:
-        """The fallback ``elapsed`` seconds later, with the tracks that lose their course by then.
+        """Return the predicted fallback, with the tracks that lose their course by then.
 
         Args:
-            fallback: the one before.
-            elapsed: s.
-            belief: the predicted belief of all tracks.
-            started: ``(...)`` where there is a track.
+            fallback: fallback at the earlier time, if any.
+            elapsed: time to predict over, s.
+            belief: predicted belief of all tracks.
+            started: ``(...)`` True for tracks that have started.
         """
         if fallback is not None and elapsed > 0.0:
             fallback = fallback._replace(belief=self._cartesian.predict(fallback.belief, elapsed))
@@ -142,39 +141,39 @@ class FallbackFilter:
         lost = started & self.guard(belief)
         if fallback is not None:
             lost = lost & ~fallback.where
-        return added(fallback, lost, _cartesian_moments(self.filter.motions, belief)) if np.any(lost) else fallback
+        return joined(fallback, lost, _cartesian_moments(self.filter.motions, belief)) if np.any(lost) else fallback
 
     def updated(
         self, fallback: CartesianFallback, scan: Scan, update: Callable[[Scan], Update[Any]]
     ) -> tuple[Update[Any], CartesianFallback]:
-        """Update all tracks with a scan: ``update`` those whose course is known, this filter the others."""
-        others = update(scan._replace(valid=scan.valid & ~fallback.where))
-        own = self._cartesian.update(fallback.belief, scan._replace(valid=scan.valid & fallback.where))
-        here = fallback.where
-        both = others._replace(
-            innovation=np.where(here, own.innovation, others.innovation),
-            innovation_covariance=np.where(here, own.innovation_covariance, others.innovation_covariance),
-            whitened_innovation=np.where(here, own.whitened_innovation, others.whitened_innovation),
-            mixture=None if others.mixture is None else np.where(here, own.log_likelihood, others.mixture),
+        """Update all tracks: by ``update`` if their course is known, by the fallback's filter otherwise."""
+        known = update(scan._replace(valid=scan.valid & ~fallback.where))
+        unknown = self._cartesian.update(fallback.belief, scan._replace(valid=scan.valid & fallback.where))
+        is_fallback = fallback.where
+        united = known._replace(
+            innovation=np.where(is_fallback, unknown.innovation, known.innovation),
+            innovation_covariance=np.where(is_fallback, unknown.innovation_covariance, known.innovation_covariance),
+            whitened_innovation=np.where(is_fallback, unknown.whitened_innovation, known.whitened_innovation),
+            mixture=None if known.mixture is None else np.where(is_fallback, unknown.log_likelihood, known.mixture),
         )
-        return both, fallback._replace(belief=own.belief)
+        return united, fallback._replace(belief=unknown.belief)
 
     def returned(self, fallback: CartesianFallback, belief: AnyBelief) -> tuple[AnyBelief, CartesianFallback | None]:
-        """The belief of all tracks in their own state, and the fallback without those whose course is known again."""
-        still = fallback.where & ~course_known(Gaussian(fallback.belief.mean, fallback.belief.covariance))
-        left = fallback._replace(where=still) if np.any(still) else None
-        return self._in_own_state(fallback, belief), left
+        """Return all beliefs in the tracker's state, and the fallback without tracks whose course is known again."""
+        is_unknown = fallback.where & ~course_known(Gaussian(fallback.belief.mean, fallback.belief.covariance))
+        rest = fallback._replace(where=is_unknown) if np.any(is_unknown) else None
+        return self._in_own_state(fallback, belief), rest
 
     def smoothed(
         self, fallback: CartesianFallback, elapsed: float, later: Gaussian, belief: AnyBelief
     ) -> tuple[AnyBelief, CartesianFallback]:
-        """The belief of all tracks in their own state, and the fallback, smoothed.
+        """Return all beliefs in the tracker's state, and the fallback, both smoothed.
 
         Args:
-            fallback: of the filter.
-            elapsed: s, more than zero.
-            later: ``(4, ...)`` px, py, vx, vy that much later, smoothed.
-            belief: of all tracks, with the smoothed ones of those whose course is known.
+            fallback: fallback of the filter.
+            elapsed: time to the later estimate, s, more than zero.
+            later: ``(4, ...)`` smoothed px, py, vx, vy at the later time.
+            belief: belief of all tracks, smoothed if their course is known.
         """
         after = choose(fallback.where, Belief(*later), fallback.belief)
         assert isinstance(after, Belief)
@@ -183,12 +182,11 @@ class FallbackFilter:
 
     def _in_own_state(self, fallback: CartesianFallback, belief: AnyBelief) -> AnyBelief:
         cartesian = Gaussian(fallback.belief.mean, fallback.belief.covariance)
-        own = self.filter.begin(lambda motion: motion.from_cartesian(cartesian, self.sigmas))
-        return choose(fallback.where, own, belief)
+        belief_of_fallback = self.filter.begin(lambda motion: motion.from_cartesian(cartesian, self.sigmas))
+        return choose(fallback.where, belief_of_fallback, belief)
 
 
 def _cartesian_moments(motions: Sequence[MotionModel], belief: AnyBelief) -> Gaussian:
-    """Mean and covariance of px, py, vx, vy, however little is known of the yaw."""
     modes, weights = _modes(belief)
     parts = [
         motion.cartesian_moments(Gaussian(mode.mean, mode.covariance))

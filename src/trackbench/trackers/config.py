@@ -1,4 +1,4 @@
-"""Trackers as a scenario names them: a built-in filter with motion models, or a class of the user."""
+"""Options of a scenario's trackers: a built-in filter with its motion models, or a tracker of the user."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]
 
 
 class ImmConfig(Config):
-    """Several motion models between which the motion switches: the interacting multiple model estimator (IMM)."""
+    """Interacting multiple model estimator (IMM): several motion models between which the motion switches."""
 
     imm: list[Motion] = Field(
         min_length=2,
@@ -37,12 +37,12 @@ class ImmConfig(Config):
 
     @property
     def first_probabilities(self) -> tuple[float, ...]:
-        """Probability of each model at a track's start: in proportion to ``stay_s``, as when nothing is known."""
+        """Probability of each model at a track's start, in proportion to ``stay_s``."""
         return tuple(value / sum(self.stay_s) for value in self.stay_s)
 
     @property
     def names(self) -> list[str]:
-        """Of the modes: that of the model, with a number where a model comes several times."""
+        """Names of the modes, numbered where a model comes several times."""
         models = [MOTION_MODELS.name_of(type(model)) for model in self.imm]
         return [
             name if models.count(name) == 1 else f"{name} {models[: i + 1].count(name)}"
@@ -55,13 +55,13 @@ class ImmConfig(Config):
             yield Problem(("stay_s",), needed)
 
 
-def _form(value: Any) -> str:
+def _motion_tag(value: Any) -> str:
     return "<imm>" if isinstance(value, ImmConfig) or (isinstance(value, dict) and "imm" in value) else "<model>"
 
 
-#: The value of ``motion:``.
+#: Value of the key ``motion``.
 OneOrSeveralMotions = Annotated[
-    Annotated[Motion, Tag("<model>")] | Annotated[ImmConfig, Tag("<imm>")], Discriminator(_form)
+    Annotated[Motion, Tag("<model>")] | Annotated[ImmConfig, Tag("<imm>")], Discriminator(_motion_tag)
 ]
 
 
@@ -78,12 +78,12 @@ Sweep = Annotated[
     ),
 ]
 
-#: Keys that only ukf has.
+#: Keys of the filter ukf alone.
 UKF_KEYS = ("sigma_points", "augmented", "kappa")
 
 
 class FilterConfig(OptionsBeside):
-    """A built-in filter with a motion model."""
+    """Options of a tracker with a built-in filter."""
 
     filter: FilterName = Field(description="The filter (`trackbench list filters` shows them).")
     motion: OneOrSeveralMotions = Field(
@@ -96,15 +96,15 @@ class FilterConfig(OptionsBeside):
     )
     advance_at: AdvanceAt = Field(
         "own_scans",
-        description="At which scans its state moves on. own_scans: those of the sensors that it reads; at others it is "
-        "asked for a prediction, which it does not keep, so that they change none of its estimates. all_scans: those "
-        "of sensors left out too, as some published programs have it; the process noise then comes in smaller pieces.",
+        description="Scans at which the state advances. own_scans: only scans of the sensors that the tracker reads; "
+        "at other scans it gives a prediction and keeps its state, so that they change no estimate. all_scans: scans "
+        "of unread sensors too, as in some published programs; the process noise then comes in smaller pieces.",
     )
     late: LateMethod = Field(
         "replay",
-        description="What becomes of a scan that was taken before the state's time, since its sensor is late. drop: it "
-        "is left out. as_new: every scan counts as taken when it arrived, which is wrong. replay: the filter goes back "
-        "to the time of the scan and takes all later ones in again.",
+        description="Treatment of a scan that was taken before the state's time, since its sensor is late. drop: it is "
+        "left out. as_new: every scan counts as taken when it arrived, which is wrong. replay: the filter goes back to "
+        "the time of the scan and processes all later scans again.",
     )
     lag_s: Positive = Field(1, le=60, description="How far back replay reaches, s. Older scans are dropped.")
     process_noise_diag: list[NonNegative] | None = Field(
@@ -144,8 +144,8 @@ class FilterConfig(OptionsBeside):
     )
     smoother: Literal["rts"] | None = Field(
         None,
-        description="rts: what was to be had offline. Each estimate is made of all measurements of the run, later ones "
-        "too, by the smoother of Rauch, Tung and Striebel. Such an entry is no competitor.",
+        description="rts: the smoother of Rauch, Tung and Striebel. Each estimate uses all measurements of the run, "
+        "later ones too, which shows what is possible offline. Such an entry is no competitor.",
     )
     associate: AssociateConfig | None = Field(
         None,
@@ -156,18 +156,18 @@ class FilterConfig(OptionsBeside):
 
     @property
     def sensors_used(self) -> list[str] | None:
-        """Names of the sensors whose measurements it is given: those that it reads or starts tracks from; None: all."""
+        """Names of the sensors that update or start the tracks; None for all."""
         return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
 
     @property
     def scan_options(self) -> dict[str, Any]:
-        """What a tracker of one object or of several takes of the options on scans."""
+        """Options that say how scans are used, shared by single-object and multi-object trackers."""
         assumed = AssumedSensors(self.sensor_models, self.measurement_noise, self.assume)
         return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at")}}
 
     @property
     def models(self) -> tuple[MotionModel, ...]:
-        """The motion models with the process noise that the filter takes."""
+        """Motion models with the process noise used by the filter."""
         if isinstance(self.motion, ImmConfig):
             return tuple(self.motion.imm)
         if self.process_noise_diag is None:
@@ -176,7 +176,7 @@ class FilterConfig(OptionsBeside):
 
     @property
     def motion_in_words(self) -> list[str]:
-        """The motion model and each of its options that counts: "cv", "acceleration sigma 3 m/s^2"."""
+        """Motion model and its options in use, in words: "cv", "acceleration sigma 3 m/s^2"."""
         if isinstance(self.motion, ImmConfig):
             models = zip(self.motion.imm, self.motion.stay_s, strict=True)
             return ["imm of " + " and ".join(f"{', '.join(_words(model))} for {stay:g} s" for model, stay in models)]
@@ -185,7 +185,7 @@ class FilterConfig(OptionsBeside):
     @model_validator(mode="before")
     @classmethod
     def _noise_stated_once(cls, data: Any, info: ValidationInfo) -> Any:
-        """Make the motion model without the noise that ``process_noise_diag`` states."""
+        """Build the motion model without the noise options that ``process_noise_diag`` replaces."""
         if not isinstance(data, dict) or data.get("process_noise_diag") is None:
             return data
         motion = data.get("motion")
@@ -198,36 +198,35 @@ class FilterConfig(OptionsBeside):
             model = plugin_field(cls)[1].find(name, info)
         except PydanticCustomError:
             return data
-        stated, unused = {key: item for key, item in options.items() if key != "model"}, model.driving_noise
+        stated_options, unused = {key: item for key, item in options.items() if key != "model"}, model.driving_noise
         reason = "not used with process_noise_diag, which says it all; remove one of them"
         at: KeyPath = () if is_word else ("motion",)
-        reject(cls.__name__, [Problem((*at, key), reason) for key in dict.fromkeys(unused) if key in stated])
-        # What is replaced has to have some value that is valid; it ends as 0.
-        made = model.model_validate(stated | dict.fromkeys(unused, 1.0), context=info.context)
+        reject(cls.__name__, [Problem((*at, key), reason) for key in dict.fromkeys(unused) if key in stated_options])
+        # Replaced options need a valid value for the validation; they end as 0.
+        model_config = model.model_validate(stated_options | dict.fromkeys(unused, 1.0), context=info.context)
         rest = {key: item for key, item in data.items() if key in cls.model_fields}
-        return {**rest, "motion": made.model_copy(update=dict.fromkeys(unused, 0.0))}
+        return {**rest, "motion": model_config.model_copy(update=dict.fromkeys(unused, 0.0))}
 
     def problems(self) -> Iterator[Problem]:
         stated, models = self.model_fields_set, self.models
         for motion in models:
-            yield from self._unfit(motion, _name(motion))
+            yield from self._motion_problems(motion, _name(motion))
         if isinstance(self.motion, ImmConfig) and self.process_noise_diag is not None:
             yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
         for key in UKF_KEYS:
             if key in stated and self.filter != "ukf":
                 yield Problem((key,), f"only filter ukf has this key; the filter here is {self.filter}")
         if self.associate is not None:
-            yield from self._not_associated()
+            yield from self._association_problems()
         for sensor, effects in self.assume.items():
             for key in effects.states:
-                for at, message in self._without_error_states():
+                for at, message in self._error_state_problems():
                     yield Problem(at or ("assume", sensor, key), message)
         if "lag_s" in stated and self.late != "replay":
             yield Problem(("lag_s",), f"not used with late: {self.late}; remove it")
         yield from _unexpanded(self.sweep)
 
-    def _unfit(self, motion: MotionModel, name: str) -> Iterator[Problem]:
-        """Options that do not fit one of the motion models."""
+    def _motion_problems(self, motion: MotionModel, name: str) -> Iterator[Problem]:
         if self.filter == "kf" and not motion.linear:
             linear = " or ".join(name for name, model in MOTION_MODELS.loaded().items() if model.linear)
             yield Problem(("motion",), f"kf needs a linear motion model: use {linear}, or filter: ekf with {name}")
@@ -240,8 +239,7 @@ class FilterConfig(OptionsBeside):
                 needed = f"motion {name} needs {len(components)} variances ({', '.join(components)})"
                 yield Problem(at, f"{needed}, not {len(diagonal)}")
 
-    def _without_error_states(self) -> Iterator[tuple[KeyPath, str]]:
-        """Options with which errors of sensors are no part of the state."""
+    def _error_state_problems(self) -> Iterator[tuple[KeyPath, str]]:
         if self.initial.source == "truth":
             return
         if self.initial.source == "two_measurements":
@@ -253,8 +251,7 @@ class FilterConfig(OptionsBeside):
                 name, others = _name(motion), "cv or ca"
                 yield (), f"a track of {name} starts by position and velocity, without errors as states; use {others}"
 
-    def _not_associated(self) -> Iterator[Problem]:
-        """Options of a tracker of one object that one of several does not have."""
+    def _association_problems(self) -> Iterator[Problem]:
         if self.initial.source != "first_measurement":
             message = "with associate a track starts from one detection: use from: first_measurement"
             yield Problem(("initial", "from"), message)
@@ -279,21 +276,21 @@ def _words(motion: MotionModel, unused: tuple[str, ...] = ()) -> list[str]:
     return [_name(motion), *shown]
 
 
-def _language(value: Any) -> str | None:
+def _use_tag(value: Any) -> str | None:
     if isinstance(value, str):
         return WORD
     return "<command>" if isinstance(value, Command) or (isinstance(value, dict) and "command" in value) else None
 
 
-#: What a tracker of the user's own is: a class of Python or a program.
+#: Tracker of the user: a Python class or a program.
 Use = Annotated[
     Annotated[str, Field(min_length=1), Tag(WORD)] | Annotated[Command, Tag("<command>")],
-    chosen_by(_language, 'write a published name, "module:Class" or {command: [./program]}'),
+    chosen_by(_use_tag, 'write a published name, "module:Class" or {command: [./program]}'),
 ]
 
 
 class PluginConfig(Config):
-    """A tracker of the user's own, or one published under the entry-point group trackbench.trackers."""
+    """Options of a tracker of the user, or one published under the entry-point group trackbench.trackers."""
 
     use: Use = Field(
         description='A published name, such as raw, or "package.module:Class", whose code is run; or a program in any '
@@ -311,12 +308,12 @@ class PluginConfig(Config):
 
     @property
     def sensors_used(self) -> list[str] | None:
-        """Names of the sensors whose measurements it is given; None: all."""
+        """Names of the sensors whose scans the tracker gets; None for all."""
         return self.sensors
 
     @property
     def reference(self) -> str:
-        """The published name or ``"module:Class"``; empty of what is no Python class."""
+        """Published name or ``"module:Class"``; empty for a program."""
         return self.use if isinstance(self.use, str) else ""
 
     def problems(self) -> Iterator[Problem]:
@@ -324,13 +321,13 @@ class PluginConfig(Config):
 
 
 def _unexpanded(sweep: object) -> Iterator[Problem]:
-    """A scenario's sweeps are expanded before its trackers are validated."""
+    """Report a sweep that is not in a scenario, which expands its sweeps before the validation."""
     if sweep is not None:
         yield Problem(("sweep",), "only an entry of a scenario's trackers has this key")
 
 
 def entry_kind(value: Any) -> str | None:
-    """The tag of an entry; None where it is neither or both."""
+    """Return the tag of an entry; None if it has neither or both of the keys filter and use."""
     if isinstance(value, FilterConfig | PluginConfig):
         return "<filter>" if isinstance(value, FilterConfig) else "<use>"
     kinds = [key for key in ("filter", "use") if isinstance(value, dict) and key in value]

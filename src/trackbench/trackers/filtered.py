@@ -1,4 +1,4 @@
-"""A tracker that runs one of the built-in filters: prediction, update, start of tracks; its smoother."""
+"""Trackers that run a built-in filter: prediction, update, start of tracks, and smoothing."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from trackbench.trackers.track_steps import TrackState, belief_estimate, chosen_
 
 @dataclass(frozen=True)
 class BuiltInTracker:
-    """What the built-in trackers of one object and of several have in common: a filter, and the scans that it takes."""
+    """Filter and use of scans, shared by the built-in single-object and multi-object trackers."""
 
     filter: Filter[Any]
     initial: InitialConfig
     assumed: AssumedSensors = field(default_factory=AssumedSensors)
     sensors: Collection[str] | None = None
-    """Names of the sensors whose measurements update the tracks; None: all."""
+    """Names of the sensors whose measurements update the tracks; None for all."""
     advance_at: AdvanceAt = "own_scans"
     engine: Engine = "numpy"
 
@@ -40,45 +40,45 @@ class BuiltInTracker:
 
     @cached_property
     def computed_filter(self) -> Filter[Any]:
-        """The filter as the engine computes it."""
+        """Filter as computed by the engine."""
         return filter_by(self.engine, self.filter)
 
     @property
     def engine_used(self) -> EngineUsed:
-        """What computed the steps so far."""
+        """Engine that computed the steps so far."""
         return engine_used_by(self.computed_filter)
 
     @property
     def starts_from_truth(self) -> bool:
-        """Whether the bench is to draw the first states and hand them in by ``with_prior``."""
+        """Whether the tracks start from the truth, by first states that the bench passes to ``with_prior``."""
         return self.initial.source == "truth"
 
     def reads(self, sensor: str) -> bool:
-        """Whether the sensor's measurements update or start tracks."""
+        """Return whether the sensor's measurements update or start tracks."""
         return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
 
     def advances(self, sensor: str) -> bool:
-        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is set to."""
+        """Return whether a scan of the sensor advances the state."""
         return self.advance_at == "all_scans" or self.reads(sensor)
 
 
 @dataclass(frozen=True)
 class FilterTracker(BuiltInTracker):
-    """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid.
+    """Tracker of a batch of objects: starts each track, predicts to each scan, updates with valid measurements.
 
-    At a scan of a sensor that it does not read, the estimate is a prediction from its last own scan, and is not kept.
-    So no estimate depends on a sensor that is not read.
+    At a scan of an unused sensor, the estimate is a prediction from the last used scan, and the state stays. So no
+    estimate depends on an unused sensor.
     """
 
     prior: Prior | None = None
-    """Set by the bench where ``initial`` says that tracks start from the truth."""
+    """First states, set by the bench if tracks start from the truth."""
     cartesian_fallback: Literal["always", "at_start", "never"] = "always"
-    """When a track of a state with a yaw is followed by position and velocity, because its course is unknown."""
+    """When position and velocity replace a state with a yaw whose course is unknown."""
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
-        """Predict to the scan's time, and update with its measurements if the tracker reads its sensor.
+        """Predict to the scan's time, and update if the tracker uses the sensor.
 
-        A scan that is older than the state is dropped; the estimate is then that at the state's time.
+        A scan that is older than the state is dropped; the estimate then refers to the state's time.
         """
         scan = self.assumed.read(scan)
         if state is None:
@@ -91,33 +91,33 @@ class FilterTracker(BuiltInTracker):
         return self._in_sequence(state, scan)
 
     def reading_only(self, sensors: Collection[str] | None) -> FilterTracker:
-        """This tracker, which reads no other sensors than these; None: as it is."""
+        """Return this tracker restricted to the given sensors; unchanged for None."""
         if sensors is None:
             return self
         return replace(self, sensors=[name for name in sensors if self.sensors is None or name in self.sensors])
 
     def with_prior(self, time: Array, motion: Kinematics, normal: Array) -> FilterTracker:
-        """This tracker, its tracks starting at the given times from the given motion with a drawn error.
+        """Return this tracker with tracks that start at given times from the true motion and a drawn error.
 
         Args:
-            time: ``(...)`` s.
-            motion: the true motion at that time, each ``(...)``.
-            normal: ``(6 or more, ...)`` standard normal numbers, of which the first ``n`` are used.
+            time: ``(...)`` start of each track, s.
+            motion: true motion at that time, each ``(...)``.
+            normal: ``(6 or more, ...)`` standard normal numbers; the first ``n`` are used.
         """
         belief = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, belief))
 
     def _in_sequence(self, state: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
-        some = bool(np.any(scan.valid))
-        # Without a measurement the kernel of a step gives other last bits than that of a prediction.
-        reads = (self.sensors is None or scan.sensor in self.sensors) and (some or self.engine == "fused")
-        step, own = self._predicted_and_updated(state, scan) if reads else (None, state.started)
-        if step is not None and np.all(own):
+        has_measurement = bool(np.any(scan.valid))
+        # Without a measurement, the kernels of a step and of a prediction differ in the last bits.
+        reads = (self.sensors is None or scan.sensor in self.sensors) and (has_measurement or self.engine == "fused")
+        step, is_own = self._predicted_and_updated(state, scan) if reads else (None, state.started)
+        if step is not None and np.all(is_own):
             belief = step.update.belief
             estimate = belief_estimate(belief, step.cartesian)
-            estimate = with_innovation(estimate, step.update) if some else estimate
+            estimate = with_innovation(estimate, step.update) if has_measurement else estimate
             return state._replace(time=scan.time, belief=belief._replace(repaired=None)), estimate
-        after, update = self._filtered(state, scan, reads, step, own)
+        after, update = self._filtered(state, scan, reads, step, is_own)
         tracked = after.started
         starting = self.initial.sensors or self.sensors
         if self.prior is None and (starting is None or scan.sensor in starting):
@@ -129,20 +129,20 @@ class FilterTracker(BuiltInTracker):
         if step is not None:
             mean, covariance = step.cartesian
             estimate = estimate._replace(
-                mean=np.where(own, mean, estimate.mean), covariance=np.where(own, covariance, estimate.covariance)
+                mean=np.where(is_own, mean, estimate.mean), covariance=np.where(is_own, covariance, estimate.covariance)
             )
-        if update is not None and some:
+        if update is not None and has_measurement:
             estimate = with_innovation(estimate, update, tracked)
         return after._replace(belief=after.belief._replace(repaired=None)), estimate
 
     def _predicted_and_updated(self, state: TrackState, scan: Scan) -> tuple[Step[Any] | None, Mask]:
-        """Prediction and update at once, and of which tracks: not those that are, or would be, in the fallback.
+        """Return prediction and update in one step, and which tracks it holds for: all outside the fallback.
 
-        It does not depend on the other tracks of the batch, so that their number changes no bit of an estimate.
+        The step of a track does not depend on other tracks, so that their number changes no bit of an estimate.
         """
-        own = state.started if state.fallback is None else state.started & ~state.fallback.where
-        if not np.any(own):
-            return None, own
+        is_own = state.started if state.fallback is None else state.started & ~state.fallback.where
+        if not np.any(is_own):
+            return None, is_own
         filter: Any = self.computed_filter
         elapsed, guard = scan.time - state.time, self.guard
         if self.engine == "fused":
@@ -151,22 +151,24 @@ class FilterTracker(BuiltInTracker):
             predicted = filter.predict(state.belief, elapsed)
             update = filter.update(predicted, scan)
             step = Step(update, filter.cartesian(update.belief), None if guard is None else guard(predicted))
-        return step, own if step.refused is None else own & ~step.refused
+        return step, is_own if step.refused is None else is_own & ~step.refused
 
     def _filtered(
-        self, state: TrackState, scan: Scan, reads: bool, step: Step[Any] | None, own: Mask
+        self, state: TrackState, scan: Scan, is_read: bool, step: Step[Any] | None, is_own: Mask
     ) -> tuple[TrackState, Update[Any] | None]:
-        """The tracks at the time of a scan, and their update if its measurements are read.
+        """Return the tracks at the time of a scan, and their update if the sensor is used.
 
-        ``step``: prediction and update at once of the tracks ``own`` ``(...)``; None: of none.
+        ``step`` holds prediction and update of the tracks ``is_own`` ``(...)``, if any.
         """
         fallback = state.fallback
-        expected = state.started if fallback is None else state.started & ~fallback.where
-        if step is not None and self.prior is None and np.array_equal(own, expected):
+        is_expected = state.started if fallback is None else state.started & ~fallback.where
+        if step is not None and self.prior is None and np.array_equal(is_own, is_expected):
             update = step.update
             if fallback is not None:
-                # No track loses its course: the fallback alone is left.
-                fallback = self.fallback.predicted(fallback, scan.time - state.time, state.belief, np.zeros_like(own))
+                # No track loses its course, so only the fallback needs an update.
+                fallback = self.fallback.predicted(
+                    fallback, scan.time - state.time, state.belief, np.zeros_like(is_own)
+                )
                 assert fallback is not None
                 update, fallback = self.fallback.updated(fallback, scan, lambda _: step.update)
             belief = choose(state.started, update.belief, state.belief)
@@ -176,55 +178,55 @@ class FilterTracker(BuiltInTracker):
             filter = self.computed_filter
             belief, started = self.prior.begin(scan.time, state.belief, state.started, filter)
             state = state._replace(belief=belief, started=started)
-        if not reads:
+        if not is_read:
             return state, None
         update, fallback = self.updated(state, scan)
         if step is not None:
-            update = chosen_update(own, step.update, update)
-            fallback = None if fallback is None else fallback._replace(where=fallback.where & ~own)
+            update = chosen_update(is_own, step.update, update)
+            fallback = None if fallback is None else fallback._replace(where=fallback.where & ~is_own)
         return state._replace(belief=update.belief, fallback=fallback), update
 
     @cached_property
     def fallback(self) -> FallbackFilter:
-        """Follows the tracks whose course is unknown."""
-        with_yaw = any(set(YAW) & set(motion.components) for motion in self.filter.motions)
-        # A stated covariance is that of the motion model's own state.
-        possible = with_yaw and self.initial.source != "truth" and self.initial.covariance_diag is None
-        at_start = possible and self.cartesian_fallback != "never"
-        later = possible and self.cartesian_fallback == "always"
+        """Filter of the tracks whose course is unknown."""
+        has_yaw = any(set(YAW) & set(motion.components) for motion in self.filter.motions)
+        # A configured covariance belongs to the state of the motion model.
+        is_possible = has_yaw and self.initial.source != "truth" and self.initial.covariance_diag is None
+        at_start = is_possible and self.cartesian_fallback != "never"
+        later = is_possible and self.cartesian_fallback == "always"
         return FallbackFilter(self.filter, self.engine, initial.sigmas(self.initial), at_start, later)
 
     @property
     def guard(self) -> StepGuard | None:
-        """Tells of a predicted belief where a step is not the filter's alone."""
+        """Guard that finds the tracks whose predicted belief needs the fallback."""
         return self.fallback.guard
 
     def advanced(self, state: TrackState, time: float) -> TrackState:
-        """The state predicted to a later time, or to its own."""
+        """Return the state predicted to a later time, or to the state's own time."""
         elapsed, belief, started = time - state.time, state.belief, state.started
         if np.any(started):
             belief = self.computed_filter.predict(belief, elapsed)
             if not np.all(started):
-                # A placeholder stays as it is, so that its covariance does not grow without bound.
+                # A placeholder is not predicted, so that its covariance does not grow without bound.
                 belief = choose(started, belief, state.belief)
         fallback = self.fallback.predicted(state.fallback, elapsed, belief, started)
         return state._replace(time=time, belief=belief, fallback=fallback)
 
     def predicted(self, state: TrackState, time: float) -> TrackState:
-        """The state predicted to a time at which it does not advance."""
-        # A prediction over no time would draw sigma points anew, and change the last digits.
+        """Return the state predicted to a time; an earlier time leaves the state unchanged."""
+        # A prediction over no time would compute new sigma points, and change the last digits.
         return state if time <= state.time else self.advanced(state, time)
 
     def updated(self, state: TrackState, scan: Scan) -> tuple[Update[Any], CartesianFallback | None]:
-        """The update of all tracks with a scan at the time of their state, and the fallback after it."""
+        """Return the update of all tracks with a scan at the state's time, and the fallback after the update."""
         if state.fallback is None:
-            # For placeholders alone nothing is compiled.
+            # Placeholders alone do not justify compiling a kernel.
             filter = self.computed_filter if np.any(state.started) else self.filter
             return filter.update(state.belief, scan), None
         return self.fallback.updated(state.fallback, scan, lambda part: self.computed_filter.update(state.belief, part))
 
     def with_starts(self, state: TrackState, scan: Scan) -> TrackState:
-        """The state with the tracks that start from the measurements of a scan."""
+        """Return the state with the tracks that start from the measurements of a scan."""
         if np.all(state.started):
             return state
         begin = initial.start_tracks(self.initial, scan, state.waiting)
@@ -235,7 +237,7 @@ class FilterTracker(BuiltInTracker):
         return state._replace(belief=belief, started=state.started | fresh, waiting=begin.waiting, fallback=fallback)
 
     def estimate(self, state: TrackState) -> Estimate:
-        """The estimate of a state; NaN, or at rest if so configured, where no track has started."""
+        """Return the estimate of a state; NaN, or at rest if so configured, before a track has started."""
         started, fallback = state.started, state.fallback
         mean, covariance = self.computed_filter.cartesian(state.belief)
         if fallback is not None:
@@ -253,9 +255,9 @@ class FilterTracker(BuiltInTracker):
         return estimate if estimate.repaired is None else estimate._replace(repaired=estimate.repaired & started)
 
     def smoothed(self, state: TrackState, later: TrackState) -> TrackState:
-        """The state smoothed by a later one, by that of Rauch, Tung and Striebel."""
+        """Return the state smoothed by a later state, with the smoother of Rauch, Tung and Striebel."""
         elapsed = later.time - state.time
-        # Where there is no track yet, what is smoothed means nothing.
+        # The smoothed belief is meaningless before a track has started.
         belief = choose(state.started, self.computed_filter.smooth(state.belief, later.belief, elapsed), state.belief)
         fallback = state.fallback
         if fallback is not None:
@@ -267,44 +269,44 @@ class FilterTracker(BuiltInTracker):
 
 @dataclass(frozen=True)
 class SmoothedTracker:
-    """The estimates of a tracker, each given the measurements after it too. Tracks start where the tracker starts them.
+    """Smoother of a tracker: each estimate uses the later measurements too. Tracks start as in the tracker.
 
-    Between two scans that it reads, what is predicted from the earlier is smoothed by the later.
+    Predictions between two used scans are smoothed by the later scan.
     """
 
     tracker: FilterTracker
 
     def __post_init__(self) -> None:
-        # Where a track loses its course, there is no way back from position and velocity.
+        # The smoother cannot go back from position and velocity to the state before a track lost its course.
         if self.tracker.cartesian_fallback == "always":
             object.__setattr__(self, "tracker", replace(self.tracker, cartesian_fallback="at_start"))
 
     def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
-        """The estimate at each scan, whatever their order: offline none comes late."""
+        """Return the smoothed estimate at each scan; late arrivals do not matter."""
         instants = self._filtered(sorted((scan.prompt() for scan in scans), key=lambda scan: scan.time))
         smoothed: dict[float, Estimate] = {}
         later: TrackState | None = None
         while instants:
-            state, own = instants.pop()
+            state, is_used = instants.pop()
             if later is not None:
                 state = self.tracker.smoothed(state, later)
-            # The filter's own state, of which nothing is scored, would take as much memory again.
+            # The filter's own state is not scored and would double the memory.
             smoothed[state.time] = self.tracker.estimate(state)._replace(state=None, state_covariance=None)
-            if own:
+            if is_used:
                 later = state
         return [smoothed[scan.time] for scan in scans]
 
     def _filtered(self, scans: Sequence[Scan]) -> list[tuple[TrackState, bool]]:
-        """The state at each time, and whether there was a scan that the filter reads; else it is a prediction."""
+        """Return the state at each time, and whether the tracker uses a scan at that time."""
         tracker = self.tracker
         state: TrackState | None = None
         instants = []
         for time, group in groupby(scans, key=lambda scan: scan.time):
-            own = False
+            is_used = False
             for scan in group:
                 state, _ = tracker.step(state, scan)
-                own = own or tracker.advances(scan.sensor)
+                is_used = is_used or tracker.advances(scan.sensor)
             assert state is not None
-            seen = state if own else tracker.predicted(state, time)
-            instants.append((seen._replace(time=time, belief=compact(seen.belief)), own))
+            at_time = state if is_used else tracker.predicted(state, time)
+            instants.append((at_time._replace(time=time, belief=compact(at_time.belief)), is_used))
         return instants

@@ -1,4 +1,4 @@
-"""Trackers in another language: programs that a scenario names."""
+"""Trackers that are programs in another language."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trackbench.base.errors import InputError, similar_path_hint
 
 
 class Command(Config):
-    """A program that reads scans and writes estimates or tracks, in any language."""
+    """Command of a program that reads scans and writes estimates or tracks."""
 
     command: list[Annotated[str, Field(min_length=1)]] = Field(
         min_length=1,
@@ -30,24 +30,24 @@ class Command(Config):
 
     @property
     def name(self) -> str:
-        """The program, in messages."""
+        """Name of the program in messages."""
         return self.command[0]
 
     def resolved(self, folder: Path | None) -> list[str]:
-        """The command with the path of its program.
+        """Return the command with the path of its program.
 
         Raises:
-            InputError: there is no such program, or it cannot be executed.
+            InputError: the program does not exist or is not executable.
         """
         return [str(_executable(self.command[0], (folder or Path.cwd()).resolve())), *self.command[1:]]
 
     def files(self, folder: Path) -> set[Path]:
-        """The files of a folder that the command names: a program, a script, its data."""
+        """Return the files of a folder that the command names: a program, a script, its data."""
         return {file for name in self.command if (file := _place(name, folder)).is_file()}
 
 
 def use_of(text: str) -> str | dict[str, object]:
-    """What a text on the command line names, as a scenario says it: a path is a program."""
+    """Return the value of ``use:`` for a text on the command line; a path means a program."""
     try:
         words = shlex.split(text)
     except ValueError:
@@ -58,7 +58,7 @@ def use_of(text: str) -> str | dict[str, object]:
 
 
 def _place(name: str, folder: Path) -> Path:
-    """Return the file of a folder, or else of the working directory."""
+    """Return the file in a folder, or else in the working directory."""
     return next((file for file in (folder / name, Path(name).absolute()) if file.is_file()), folder / name)
 
 

@@ -1,4 +1,4 @@
-"""How a track of a built-in filter starts: from its first measurement, from two, or from the truth."""
+"""Start of a track of a built-in filter: from its first measurement, from two, or from the truth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from trackbench.models.sensors.radar import MIN_RANGE
 
 InitialSource = Literal["first_measurement", "two_measurements", "truth"]
 
-#: Where each key of the initial state is used; elsewhere the measurements give it.
+#: Sources with which each key of the initial state is used, for keys that not all sources use.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
     "sensors": ("first_measurement", "two_measurements"),
     "skip": ("first_measurement", "two_measurements"),
@@ -34,7 +34,7 @@ INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
 
 
 class InitialConfig(Config):
-    """How a track starts, and how uncertain its first state is said to be."""
+    """Start of a track, and the stated uncertainty of its first state."""
 
     source: InitialSource = Field(
         "first_measurement",
@@ -107,71 +107,71 @@ class InitialConfig(Config):
                 yield Problem((key,), "not used with covariance_diag, which says it all; remove one of them")
 
 
-#: Standard deviation of the yaw where it is drawn from the truth, rad.
+#: Standard deviation of a yaw drawn from the truth, rad.
 TRUE_YAW_SIGMA = 0.1
-#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+#: Tolerance for equal times, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
 
 
 class Prior(NamedTuple):
-    """Where each track starts, for a tracker that is given its first state rather than finding it."""
+    """First state of each track, for a tracker that does not start tracks from measurements."""
 
     time: Array
-    """``(...)`` s."""
+    """``(...)`` start of each track, s."""
     belief: AnyBelief
-    """Its mean drawn from the truth, with the covariance of the draw."""
+    """Belief with a mean drawn from the truth and the covariance of the draw."""
 
     def begin(self, time: float, belief: AnyBelief, started: Mask, filter: Filter[Any]) -> tuple[AnyBelief, Mask]:
-        """The belief and the started tracks ``(...)``, with those that start by this time, ready for an update."""
-        fresh = (time >= self.time) & ~started
-        if not np.any(fresh):
+        """Return the belief and the started tracks ``(...)``, with tracks that start by this time."""
+        is_new = (time >= self.time) & ~started
+        if not np.any(is_new):
             return belief, started
-        # A prediction over no time gives the sigma points that an update may reuse.
-        return choose(fresh, filter.predict(self.belief, 0.0), belief), started | fresh
+        # A prediction over no time computes sigma points, which an update may reuse.
+        return choose(is_new, filter.predict(self.belief, 0.0), belief), started | is_new
 
 
 class TentativeTrack(NamedTuple):
-    """What is known of the objects whose tracks have not started, each ``(..., batch)``."""
+    """Measurements of the objects whose tracks have not started, each ``(..., batch)``."""
 
     measurements: Array
-    """How many there were."""
+    """Number of measurements so far."""
     time: Array
-    """Of the first measurement that counts, s; NaN where there was none yet."""
+    """Time of the first measurement that is not skipped, s; NaN without one."""
     position: Gaussian
-    """Of the first measurement that counts."""
+    """Position of the first measurement that is not skipped."""
     latest: Gaussian
-    """Position of the latest measurement; NaN where there was none yet."""
+    """Position of the latest measurement; NaN without one."""
 
 
 class Start(NamedTuple):
-    """Tracks that can start now."""
+    """Tracks that can start at a scan."""
 
     ready: Mask
     state_of: Callable[[MotionModel], Gaussian]
-    """Where they start, in the state of a motion model."""
+    """First state of the tracks for a motion model."""
     waiting: TentativeTrack
 
 
 def placeholder(motion: MotionModel, batch: tuple[int, ...]) -> Gaussian:
-    """A state for tracks that have not started."""
+    """Return a state for tracks that have not started."""
     mean = np.ones((len(motion.components), *batch))
     return Gaussian(mean, np.zeros((len(mean), *mean.shape)) + linalg.expand(np.eye(len(mean)), mean[None]))
 
 
 def sigmas(config: InitialConfig) -> InitialSigmas:
-    """What is assumed of the components that position and velocity leave open."""
+    """Return the assumed standard deviations of components beyond position and velocity."""
     return InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
 
 
 def start_tracks(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
-    """Start the tracks that a scan allows to start, from its measurement alone or with an earlier one.
-
-    Args:
-        config: how.
-        scan: the measurements.
-        waiting: what the start of the scan before left; None at first.
+    """Start tracks from the measurements of a scan, alone or together with earlier ones.
 
     Measurements of a sensor that measures no position do not count.
+
+    Args:
+        config: how tracks start.
+        scan: the measurements.
+        waiting: earlier measurements of objects without a track; None at the first scan.
     """
     if not SENSOR_MODELS[scan.kind].measures_position():
         scan = scan._replace(valid=np.zeros_like(scan.valid))
@@ -181,53 +181,53 @@ def start_tracks(config: InitialConfig, scan: Scan, waiting: TentativeTrack | No
         nowhere = Gaussian(np.full((2, *batch), np.nan), np.full((2, 2, *batch), np.nan))
         nothing = Gaussian(np.zeros((2, *batch)), np.zeros((2, 2, *batch)))
         waiting = TentativeTrack(np.zeros(batch), np.full(batch, np.nan), nothing, nowhere)
-    counts = scan.valid & (waiting.measurements >= config.skip)
-    first = counts & np.isnan(waiting.time)
+    is_counted = scan.valid & (waiting.measurements >= config.skip)
+    is_first = is_counted & np.isnan(waiting.time)
     after = TentativeTrack(
         waiting.measurements + scan.valid,
-        np.where(first, scan.time, waiting.time),
-        position.where(first, waiting.position),
+        np.where(is_first, scan.time, waiting.time),
+        position.where(is_first, waiting.position),
         position.where(scan.valid, waiting.latest),
     )
     if config.source == "first_measurement":
-        return Start(counts, partial(first_measurement, config=config, scan=scan, position=position), after)
+        return Start(is_counted, partial(first_measurement, config=config, scan=scan, position=position), after)
     elapsed = scan.time - waiting.time
-    ready = counts & (elapsed > 0.0) & (elapsed > config.least_time_s - SAME_TIME)
+    is_ready = is_counted & (elapsed > 0.0) & (elapsed > config.least_time_s - SAME_TIME)
     with np.errstate(divide="ignore", invalid="ignore"):
-        belief = two_measurements(waiting.position, position, np.where(ready, elapsed, 1.0))
-    return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
+        belief = two_measurements(waiting.position, position, np.where(is_ready, elapsed, 1.0))
+    return Start(is_ready, partial(_state_from_cartesian, config=config, belief=belief), after)
 
 
 def first_measurement(
     motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None
 ) -> Gaussian:
-    """The state of a motion model that each measurement of a scan states by itself.
+    """Return the state of a motion model from each single measurement of a scan.
 
-    The velocity is zero or the range rate along the line of sight, with the configured standard deviation. With
-    ``velocity: range_rate`` it is as certain along the line of sight as the range rate is.
+    The velocity is zero, or the range rate along the line of sight, with the configured standard deviation. With
+    ``velocity: range_rate`` the velocity along the line of sight has the variance of the range rate.
 
     Args:
-        motion: the model, of n components.
-        config: what is assumed of the components that the measurement leaves open.
+        motion: motion model of n components.
+        config: assumptions on components that the measurement leaves open.
         scan: measurements ``(m, ...)``.
-        position: theirs ``(2, ...)``, if it is at hand.
+        position: positions ``(2, ...)`` of the measurements, if already computed.
 
     Returns:
-        ``(n, ...)``; meaningless where the scan is not valid.
+        ``(n, ...)``; meaningless for invalid measurements.
     """
     if isinstance(motion, MotionWithErrors):
-        return motion.started(scan, lambda own, seen: first_measurement(own, config, seen))
+        return motion.started(scan, lambda own_motion, own_scan: first_measurement(own_motion, config, own_scan))
     velocity = np.zeros((2, *scan.valid.shape))
     if config.velocity != "zero":
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
-    belief = _from_one(position or _position(scan, config), velocity, config.velocity_sigma_mps)
+    belief = _at_position(position or _position(scan, config), velocity, config.velocity_sigma_mps)
     if config.velocity == "range_rate" and "vx" in motion.components:
         belief = _with_range_rate(belief, scan)
-    return _of_cartesian(motion, config, belief)
+    return _state_from_cartesian(motion, config, belief)
 
 
 def two_measurements(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
-    """px, py, vx, vy ``(4, ...)`` at the second of two positions ``(2, ...)`` that are ``dt`` seconds ``(...)`` apart.
+    """Return px, py, vx, vy ``(4, ...)`` at the second of two positions ``(2, ...)``, ``dt`` s ``(...)`` apart.
 
     Source: two-point differencing, Bar-Shalom, Li and Kirubarajan (2001), section 5.5.3.
     """
@@ -240,18 +240,18 @@ def two_measurements(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
-    """px, py, vx, vy of objects that stand where their latest measurement says; NaN where there was none."""
-    belief = _from_one(waiting.latest, np.zeros_like(waiting.latest.mean), config.velocity_sigma_mps)
+    """Return px, py, vx, vy at rest at each object's latest measurement; NaN without one."""
+    belief = _at_position(waiting.latest, np.zeros_like(waiting.latest.mean), config.velocity_sigma_mps)
     return Gaussian(*(np.where(waiting.measurements > 0, part, np.nan) for part in belief))
 
 
 def from_truth(motion: MotionModel, config: InitialConfig, truth: Kinematics, normal: Array) -> Gaussian:
-    """A state ``(n, ...)`` drawn from the truth, with the covariance of the draw.
+    """Return a state ``(n, ...)`` drawn from the truth, with the covariance of the draw.
 
     ``normal`` is ``(n or more, ...)`` standard normal numbers.
     """
     if isinstance(motion, MotionWithErrors):
-        # Of the errors nothing is drawn: they are those of the measurements to come.
+        # The errors belong to later measurements, so none are drawn.
         return motion.padded(from_truth(motion.motion, config, truth, normal))
     sigmas = {
         **motion.first_sigmas,
@@ -276,7 +276,7 @@ def _position(scan: Scan, config: InitialConfig) -> Gaussian:
     return Gaussian(mean, np.broadcast_to(linalg.expand(covariance, mean[None]), (2, *mean.shape)))
 
 
-def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gaussian:
+def _at_position(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gaussian:
     batch = position.mean.shape[1:]
     covariance = np.zeros_like(position.covariance, shape=(4, 4, *batch))
     covariance[:2, :2] = position.covariance
@@ -285,9 +285,9 @@ def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gau
 
 
 def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
-    """The belief with the variance of the range rate along the line of sight, if the sensor measures it.
+    """Return the belief with the variance of the range rate along the line of sight, if measured.
 
-    The line is known only to within the azimuth's error, which turns the unknown velocity across into it.
+    The azimuth's error turns the line, so that some of the unknown velocity across it adds to the variance along it.
     """
     components = SENSOR_MODELS[scan.kind].components
     if "range_rate" not in components:
@@ -295,21 +295,21 @@ def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
     i = components.index("range_rate")
     sight = belief.mean[:2] - linalg.expand(scan.sensor_pose[:2], belief.mean)
     distance = np.hypot(*sight)
-    # Of a target on the sensor itself any line will do.
-    apart = distance > 0.0
+    # A target on the sensor has no line of sight; any direction serves.
+    is_apart = distance > 0.0
     ahead = linalg.expand(np.array([1.0, 0.0]), sight)
-    sight = np.where(apart, sight / np.where(apart, distance, 1.0), ahead)
+    sight = np.where(is_apart, sight / np.where(is_apart, distance, 1.0), ahead)
     normal = linalg.vector([-sight[1], sight[0]])
     aside = normal / np.maximum(distance, MIN_RANGE)
     turned = np.einsum("i...,ij...,j...->...", aside, belief.covariance[:2, :2], aside)
     covariance, across = belief.covariance.copy(), belief.covariance[2, 2]
-    # Never more than is unknown across: the line of sight to what is very near is not known at all.
+    # At most the variance across: the line of sight to a very near target is unknown.
     along = across * np.minimum(1.0, turned) + scan.noise_covariance[i, i]
     covariance[2:, 2:] = along * sight[:, None] * sight[None] + across * normal[:, None] * normal[None]
     return Gaussian(belief.mean, linalg.rounded_up(covariance))
 
 
-def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
+def _state_from_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
     with np.errstate(divide="ignore", invalid="ignore"):
         state = motion.from_cartesian(belief, sigmas(config))
     if config.covariance_diag is None:

@@ -1,4 +1,4 @@
-"""Scans that arrive after one that was taken later (out-of-sequence measurements)."""
+"""Out-of-sequence measurements: scans that arrive after a scan taken later."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from trackbench.trackers.track_steps import log_likelihood
 
 
 class ProcessedScan(NamedTuple):
-    """A scan in the history. It is never changed, so that a copied state shares its history."""
+    """Scan in the history. It is never changed, so that a copied state shares its history."""
 
     before: Any
     """State of the tracker before the scan; None at first."""
     arguments: tuple[Any, ...]
-    """The scan, and the origins of its detections for a tracker that knows them."""
+    """Scan, and the origins of its detections for a tracker that uses them."""
     answer: Any
     """Estimate or tracks after the scan."""
 
     @property
     def scan(self) -> Scan:
-        """The scan."""
         scan: Scan = self.arguments[0]
         return scan
 
@@ -36,99 +35,97 @@ class ProcessedScan(NamedTuple):
 
 
 class LateState(NamedTuple):
-    """The state of a tracker, and its latest scans."""
+    """State of a tracker with its latest scans."""
 
     own: Any = None
     """State of the tracker; None before its first scan."""
     history: tuple[ProcessedScan, ...] = ()
-    """Scans of the lag, by the time at which they were taken."""
+    """Scans within the lag, in acquisition order."""
 
 
 @dataclass(frozen=True)
 class LateScans:
-    """A built-in tracker of one object or of several, and what becomes of late scans.
+    """Built-in single-object or multi-object tracker with a rule for late scans.
 
-    Left to itself a tracker drops a scan that is older than its state. With ``replay`` it goes back to the time of the
-    scan and takes all later ones again. With ``as_new`` a scan counts as taken when it arrived.
+    With ``drop`` the tracker drops a scan that is older than its state. With ``replay`` it goes back to the time of the
+    scan and processes all later scans again. With ``as_new`` a scan counts as taken when it arrived.
     """
 
     tracker: Any
-    """Has ``step``, and ``advances`` to say at the scans of which sensors its state moves on."""
+    """Tracker with ``step``, and ``advances``, which tells whether a sensor's scans advance its state."""
     late: LateMethod = "replay"
     lag_s: float = 1.0
-    """How far back a replay reaches, s."""
+    """Longest delay that a replay covers, s."""
 
     batched: ClassVar = True
 
     def step(self, state: LateState | None, scan: Scan, *origins: Indices) -> tuple[LateState, Any]:
-        """Take a scan, late or not; the answer is that at the time of the latest scan."""
-        own, history = state or LateState()
-        moves = self.tracker.advances(scan.sensor) and not scan.asked
-        if moves and self.late == "as_new":
+        """Process a scan, late or not; return the state and the answer at the time of the latest scan."""
+        tracker_state, history = state or LateState()
+        advances = self.tracker.advances(scan.sensor) and not scan.asked
+        if advances and self.late == "as_new":
             scan = scan._replace(time=scan.arrival_time)
-        if not moves or self.late != "replay":
-            own, answer = self.tracker.step(own, scan, *origins)
-            return LateState(own, history), answer
-        number = _place_of_late(history, scan)
-        if number is not None:
-            return self._replayed(history, number, (scan, *origins))
-        after, answer = self.tracker.step(own, scan, *origins)
+        if not advances or self.late != "replay":
+            tracker_state, answer = self.tracker.step(tracker_state, scan, *origins)
+            return LateState(tracker_state, history), answer
+        place = _place_of_late(history, scan)
+        if place is not None:
+            return self._replayed(history, place, (scan, *origins))
+        after, answer = self.tracker.step(tracker_state, scan, *origins)
         if not history or _order(history[-1].scan) <= _order(scan):
             first = bisect_left(history, scan.time - self.lag_s, key=lambda earlier: earlier.scan.time)
-            history = (*history[first:], ProcessedScan(own, (scan, *origins), answer))
+            history = (*history[first:], ProcessedScan(tracker_state, (scan, *origins), answer))
         return LateState(after, history), answer
 
     def _replayed(
-        self, history: tuple[ProcessedScan, ...], number: int, arguments: tuple[Any, ...]
+        self, history: tuple[ProcessedScan, ...], place: int, arguments: tuple[Any, ...]
     ) -> tuple[LateState, Any]:
-        """Take a late scan at its place in the history, and the later ones again."""
-        before, redone, answers = history[number].before, [], []
-        for each in (arguments, *(processed.arguments for processed in history[number:])):
-            after, answer = self.tracker.step(before, *each)
-            redone.append(ProcessedScan(before, each, answer))
+        before, redone, answers = history[place].before, [], []
+        for arguments_of_scan in (arguments, *(processed.arguments for processed in history[place:])):
+            after, answer = self.tracker.step(before, *arguments_of_scan)
+            redone.append(ProcessedScan(before, arguments_of_scan, answer))
             answers.append(answer)
             before = after
-        gained = _total_log_likelihood(redone) - _total_log_likelihood(history[number:])
-        return LateState(before, (*history[:number], *redone)), _with_late_answer(answers[-1], answers[0], gained)
+        gained = _total_log_likelihood(redone) - _total_log_likelihood(history[place:])
+        return LateState(before, (*history[:place], *redone)), _with_late_answer(answers[-1], answers[0], gained)
 
     def reading_only(self, sensors: Collection[str] | None) -> LateScans:
-        """Return this tracker, which reads no other sensors than these; None: as it is."""
+        """Return this tracker restricted to the given sensors; unchanged for None."""
         return replace(self, tracker=self.tracker.reading_only(sensors))
 
     def __getattr__(self, name: str) -> Any:
-        """Attribute of the tracker, such as ``multi_object``."""
         if name == "tracker" or name.startswith("__"):
             raise AttributeError(name)
         return getattr(self.tracker, name)
 
     def predicted(self, state: LateState, run: int) -> Tracks:
-        """Return the tracks of one run as they were expected at the latest scan, of a tracker of several objects."""
+        """Return the tracks of one run predicted to the latest scan, for a multi-object tracker."""
         tracks: Tracks = self.tracker.predicted(state.own, run)
         return tracks
 
 
 def _order(scan: Scan) -> tuple[float, int]:
-    """Scans of one time are in the order in which they are delivered when nothing is late."""
+    """Return the key of acquisition order; scans of one time keep the order of the scenario's sensors."""
     return scan.time, scan.place
 
 
 def _place_of_late(history: tuple[ProcessedScan, ...], scan: Scan) -> int | None:
-    """The index in the history; None where the scan is not late, or older than the history reaches back."""
+    """Return the index of a late scan in the history; None if it is not late, or older than the history."""
     if not history or _order(history[-1].scan) <= _order(scan):
         return None
-    number = sum(_order(processed.scan) <= _order(scan) for processed in history)
+    place = sum(_order(processed.scan) <= _order(scan) for processed in history)
     before = history[0].before
-    return None if number == 0 and before is not None and before.time > scan.time else number
+    return None if place == 0 and before is not None and before.time > scan.time else place
 
 
 def _with_late_answer(latest: Any, late: Any, gained: Array | float) -> Any:
-    """The latest answer with what the late scan gave: its innovation, or the detections that tracks took from it."""
+    """Return the latest answer with the innovation, or the used detections, of the late scan."""
     if isinstance(latest, Estimate):
         return latest._replace(
             innovation=late.innovation,
             innovation_covariance=late.innovation_covariance,
             whitened_innovation=late.whitened_innovation,
-            # Of the late scan given all that were processed before. Zero: no track was there for any of them.
+            # Likelihood of the late scan given all earlier processed scans. Zero means that no scan had a track.
             log_likelihood=np.where(gained == 0.0, np.nan, gained),
         )
     used = np.full(latest.ids.shape, NO_TRACK)

@@ -1,4 +1,4 @@
-"""The trackers that a scenario can name with ``use:``."""
+"""Registry of the trackers that a scenario can name with ``use:``."""
 
 from __future__ import annotations
 
@@ -17,47 +17,47 @@ from trackbench.trackers.answers import Tracker
 Factory = Callable[..., Tracker]
 
 
-def _lacks(plugin: Any) -> str | None:
-    made = plugin
+def _why_no_tracker(plugin: Any) -> str | None:
+    tracker_type = plugin
     if inspect.isfunction(plugin):
         try:
-            made = get_type_hints(plugin).get("return")
+            tracker_type = get_type_hints(plugin).get("return")
         except (NameError, TypeError):
-            made = None
-    if not isinstance(made, type):
+            tracker_type = None
+    if not isinstance(tracker_type, type):
         return "it is neither a class nor a function that says which tracker it returns (-> MyTracker)"
-    if not callable(getattr(made, "step", None)):
-        return f"{made.__qualname__} has no method step(state, scan)"
+    if not callable(getattr(tracker_type, "step", None)):
+        return f"{tracker_type.__qualname__} has no method step(state, scan)"
     options = getattr(plugin, "Options", None)
     if options is not None and not (isinstance(options, type) and issubclass(options, BaseModel)):
         return "its Options are no pydantic model"
     return None
 
 
-#: The trackers by the names that scenarios use.
-TRACKERS: Registry[Factory] = Registry("trackbench.trackers", "tracker", _lacks)
+#: Trackers by their names in scenarios.
+TRACKERS: Registry[Factory] = Registry("trackbench.trackers", "tracker", _why_no_tracker)
 
 
 def built_in(use: str) -> bool:
-    """Whether a name stands for one of the trackers that are part of trackbench; nothing is imported."""
+    """Return whether a name stands for a tracker that is part of trackbench, without importing it."""
     return TRACKERS.home_of(use).startswith("trackbench.trackers.")
 
 
 def options_of(factory: Factory) -> type[BaseModel] | None:
-    """The options that a tracker declares: a pydantic model named ``Options``, by which they are validated."""
+    """Return the options that a tracker declares, a pydantic model named ``Options``; None if it has none."""
     return getattr(factory, "Options", None)
 
 
 def check_tracker_options(use: str, options: Mapping[str, Any], folder: Path | None = None) -> Factory:
-    """Find a tracker and hold its options against what it declares, or against its signature; it is not started.
+    """Find a tracker and validate its options by its ``Options`` or its signature, without starting it.
 
     Raises:
-        InputError: the name does not resolve, or the options do not fit; with the option's key where it is known.
+        InputError: the name does not resolve, or the options do not fit; with the option's key, if known.
     """
     factory = TRACKERS.get(use, folder)
     declared = options_of(factory)
     if declared is None:
-        _bind(use, factory, options)
+        _check_signature(use, factory, options)
         return factory
     try:
         declared.model_validate(options, context={"folder": folder})
@@ -70,7 +70,7 @@ def check_tracker_options(use: str, options: Mapping[str, Any], folder: Path | N
     return factory
 
 
-def _bind(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
+def _check_signature(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
     try:
         signature = inspect.signature(factory)
     except ValueError:
@@ -83,7 +83,7 @@ def _bind(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
 
 
 def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Callable[[], Tracker]:
-    """A function of no arguments that makes a fresh tracker with the given options; one is made to see that it can be.
+    """Return a function without arguments that makes a tracker with the given options; make one as a check.
 
     Raises:
         InputError: the name does not resolve, or the options do not fit.
@@ -91,7 +91,7 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
     factory = check_tracker_options(use, options, folder)
 
     def make() -> Tracker:
-        # A tracker may load what its options name while it starts.
+        # A tracker may import modules named in its options while it starts.
         with searched(folder):
             return factory(**options)
 

@@ -1,4 +1,4 @@
-"""The baseline: no filter at all."""
+"""Baseline tracker without a filter."""
 
 from __future__ import annotations
 
@@ -11,52 +11,52 @@ from trackbench.base.types import Array, Estimate, Gaussian, Mask, Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.initial import two_measurements
 
-#: The published name of the tracker.
+#: Published name of the tracker.
 BASELINE = "raw"
 
 
 class PositionFix(NamedTuple):
-    """The position that a measurement states."""
+    """Position from a measurement."""
 
     time: Array
-    """``(...)`` s, NaN where there is none."""
+    """``(...)`` s, NaN without a measurement."""
     position: Gaussian
     """``(2, ...)`` m."""
 
 
 class RawState(NamedTuple):
-    """The last two instants at which an object was seen."""
+    """Latest two instants at which an object was measured."""
 
     last: PositionFix
     before: PositionFix
 
 
 class RawTracker:
-    """The last measurement as it is: its position, and the velocity between the last two instants with a measurement.
+    """Tracker that returns the position of the last measurement, and the velocity between the last two instants.
 
-    Of measurements at one instant the more precise counts. Nothing is predicted: while measurements are missing the
-    last position stays, which is what any filter has to beat.
+    Of several measurements at one instant the most precise counts. Nothing is predicted: while measurements are
+    missing, the last position stays. Any filter should beat this baseline.
     """
 
     batched: ClassVar = True
 
     def step(self, state: RawState | None, scan: Scan) -> tuple[RawState, Estimate]:
-        """Keep the measurement, and difference it with the one before; an older one than the latest does not count."""
+        """Store the measurement unless it is older than the latest; return the position and velocity."""
         if state is None:
             nowhere = np.full(np.shape(scan.valid), np.nan)
             none = PositionFix(nowhere, Gaussian(np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2)))
             state = RawState(none, none)
         mean, covariance = SENSOR_MODELS[scan.kind].position(scan)
-        stated = scan.valid & ~np.isnan(mean[0])
+        is_measured = scan.valid & ~np.isnan(mean[0])
         position = Gaussian(mean, linalg.expand(covariance, mean[None]))
-        new = PositionFix(np.where(stated, scan.time, np.nan), position)
-        later = stated & ~(state.last.time >= scan.time)
-        better = stated & (state.last.time == scan.time) & (_size(new) < _size(state.last))
-        last = _choose(later | better, new, state.last)
-        before = _choose(later, state.last, state.before)
+        new = PositionFix(np.where(is_measured, scan.time, np.nan), position)
+        is_later = is_measured & ~(state.last.time >= scan.time)
+        is_better = is_measured & (state.last.time == scan.time) & (_size(new) < _size(state.last))
+        last = _choose(is_later | is_better, new, state.last)
+        before = _choose(is_later, state.last, state.before)
         dt = last.time - before.time
-        belief, complete = two_measurements(before.position, last.position, dt), ~np.isnan(dt)
-        estimate = Estimate(*(np.where(complete, part, np.nan) for part in belief))
+        belief, is_complete = two_measurements(before.position, last.position, dt), ~np.isnan(dt)
+        estimate = Estimate(*(np.where(is_complete, part, np.nan) for part in belief))
         return RawState(last, before), estimate
 
 

@@ -1,4 +1,4 @@
-"""The state of a batch of tracks, and estimates made of it: some tracks may not have started."""
+"""State of a batch of tracks, started or not, and estimates made from it."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from trackbench.trackers.initial import TentativeTrack
 
 
 def belief_estimate(belief: AnyBelief, cartesian: Gaussian) -> Estimate:
-    """The estimate of a belief whose px, py, vx, vy ``(4, ...)`` are known."""
+    """Return the estimate of a belief whose px, py, vx, vy ``(4, ...)`` are known."""
     if isinstance(belief, MultiModelBelief):
         return Estimate(*cartesian, repaired=belief.repaired, mode_probabilities=belief.probability)
     return Estimate(*cartesian, belief.mean, belief.covariance, repaired=belief.repaired)
 
 
 def with_innovation(estimate: Estimate, update: Update[Any], tracked: Mask | None = None) -> Estimate:
-    """The estimate with the innovation of its measurement.
+    """Return the estimate with the innovation of its measurement.
 
     Args:
-        estimate: after the measurement.
-        update: by it.
-        tracked: ``(...)`` where there was a track before the measurement; None: everywhere.
+        estimate: estimate after the measurement.
+        update: update with the measurement.
+        tracked: ``(...)`` True for tracks that existed before the measurement; None for all.
     """
     return estimate._replace(
         innovation=where_tracked(tracked, update.innovation),
@@ -37,7 +37,7 @@ def with_innovation(estimate: Estimate, update: Update[Any], tracked: Mask | Non
 
 
 def chosen_update(where: Mask, first: Update[Any], second: Update[Any]) -> Update[Any]:
-    """The first update where it holds, the second elsewhere."""
+    """Return the first update where ``where`` is True, the second elsewhere."""
     mixture = (
         None if first.mixture is None or second.mixture is None else np.where(where, first.mixture, second.mixture)
     )
@@ -51,14 +51,14 @@ def chosen_update(where: Mask, first: Update[Any], second: Update[Any]) -> Updat
 
 
 def where_tracked(tracked: Mask | None, values: Array) -> Array:
-    """The values, NaN where there is no track; None: there is one everywhere."""
+    """Return the values, with NaN where ``tracked`` is False; None means that all are tracked."""
     return values if tracked is None or np.all(tracked) else np.where(tracked, values, np.nan)
 
 
 def log_likelihood(estimate: Estimate) -> Array | None:
-    """``(batch,)`` log density of the measurement under the prediction, ``N(y; 0, S)`` of innovation and covariance.
+    """Return ``(batch,)`` the log density of the innovation, ``N(y; 0, S)``.
 
-    NaN where there was no prediction; None where the estimate has no innovation.
+    NaN without a prediction; None for an estimate without innovations.
     """
     if estimate.log_likelihood is not None:
         return np.asarray(estimate.log_likelihood)
@@ -70,13 +70,13 @@ def log_likelihood(estimate: Estimate) -> Array | None:
 
 
 class TrackState(NamedTuple):
-    """The state of a built-in tracker after a scan."""
+    """State of a built-in tracker after a scan."""
 
     time: float
-    """Of the latest scan at which the state advanced, s."""
+    """Time of the latest scan at which the state advanced, s."""
     belief: AnyBelief
     started: Mask
-    """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
+    """``(...)`` True for tracks that have started; the belief of others is a placeholder."""
     waiting: TentativeTrack | None = None
     fallback: CartesianFallback | None = None
-    """The tracks whose course is unknown; it replaces their belief."""
+    """Position and velocity of tracks whose course is unknown, which replace their belief."""

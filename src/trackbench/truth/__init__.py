@@ -1,6 +1,7 @@
-"""Ground truth, from whatever source a scenario names: simulated (once, and kept), scripted, recorded, or a plug-in's.
+"""Ground truth from the source that a scenario names: simulated and cached, scripted, recorded, or a plug-in's.
 
-The simulator takes a second to import, so nothing here imports it before it is needed.
+The options of a source come in; a ``Truth``, and any recorded measurements, go out. The simulator takes a second to
+import, so it is imported only when needed. Read ``base.py`` first.
 """
 
 from __future__ import annotations

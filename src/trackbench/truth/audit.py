@@ -1,7 +1,7 @@
-"""Does the truth tell the truth? Velocity against displacement, and jumps.
+"""Audit of a ground truth: velocities against displacements, and jumps.
 
-A velocity that contradicts the motion corrupts every Doppler measurement, velocity error and NEES. So each step's
-displacement is compared with the velocity that is said to cause it.
+A velocity that contradicts the motion corrupts every Doppler measurement, velocity error and NEES. So the audit
+compares each step's displacement with the stated velocity.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trackbench.truth.jumps import IMPOSSIBLE_MPS2
 
 #: Largest velocity error that passes, m/s: half the range-rate sigma of a good automotive radar.
 TOLERANCE_MPS = 0.05
-#: Steps on each side of the median that says where a body ought to have gone.
+#: Steps on each side in the median that predicts a body's displacement.
 NEIGHBOURS = 2
 
 
@@ -33,43 +33,43 @@ def audited_truth(
     ended_early: EndedEarly | None = None,
     remedy: str = "",
 ) -> Truth:
-    """The truth with its faults repaired, and what was found and done in ``Truth.audit``.
+    """Return the truth with its faults repaired; ``Truth.audit`` tells the faults and repairs.
 
-    A velocity that contradicts the motion is replaced by that of the displacement. A track is cut where its body jumps,
-    and the whole truth where the observer does: what follows a collision in a simulator is no motion of a vehicle.
-    Velocity jumps are counted and stay.
+    A velocity that contradicts the motion is replaced by the displacement over time. A track is cut where its body
+    jumps, and the whole truth where the observer jumps: after a collision a simulator does not move vehicles
+    realistically. Velocity jumps are counted but kept.
 
     Args:
-        truth: the motion.
+        truth: ground truth to audit.
         mode: whether to repair or to refuse a truth with faults.
-        collided: which objects ``(steps, objects)``, and at which steps the observer, have had a collision; none
-            unless given.
-        ended_early: why the truth is shorter than it should be.
-        remedy: what also corrects a velocity that contradicts the motion, as a message says it.
+        collided: collided objects ``(steps, objects)``, and steps ``(steps,)`` after a collision of the observer; None
+            for no collisions.
+        ended_early: reason why the truth is too short, if it is.
+        remedy: further remedy for contradicting velocities, for the error message.
 
     Raises:
-        InputError: in mode "refuse", where anything would have to be repaired.
+        InputError: in mode "refuse", if anything needs a repair.
     """
     if len(truth.time) < 2:
         raise InputError("the truth has less than two steps", key="truth.duration_s")
-    never = np.zeros_like(truth.alive), np.zeros(len(truth.time), dtype=bool)
-    objects_collided, observer_collided = never if collided is None else collided
+    no_collisions = np.zeros_like(truth.alive), np.zeros(len(truth.time), dtype=bool)
+    objects_collided, observer_collided = no_collisions if collided is None else collided
     truth, cut = _without_observer_jump(truth, observer_collided)
-    jumped = _jumps(_displacement(truth), _velocity(truth), _together(truth.alive), truth.time)
-    jumped |= _begins(objects_collided[: len(truth.time)]) & _together(truth.alive)
+    jumped = _jumps(_displacement(truth), _velocity(truth), _is_present_over_step(truth.alive), truth.time)
+    jumped |= _rising_edges(objects_collided[: len(truth.time)]) & _is_present_over_step(truth.alive)
     ends = [_jump(truth, step, body) for body in range(len(truth.ids)) for step in np.flatnonzero(jumped[:, body])[:1]]
-    # The end of a jump and all that follows.
+    # All steps from the end of a jump on.
     cut_off = np.concatenate([np.zeros_like(truth.alive[:1]), np.logical_or.accumulate(jumped, axis=0)])
     repaired = replace(truth, alive=truth.alive & ~cut_off)
 
-    moving = _together(repaired.alive)
-    before = _errors(_displacement(truth), _velocity(truth), moving)
-    wrong = np.flatnonzero(np.nanmax(before, axis=0, initial=0.0) > TOLERANCE_MPS).tolist()
-    repaired = _velocity_from_displacement(repaired, wrong)
-    after = _errors(_displacement(truth), _velocity(repaired), moving)
+    is_moving = _is_present_over_step(repaired.alive)
+    before = _errors(_displacement(truth), _velocity(truth), is_moving)
+    wrong_bodies = np.flatnonzero(np.nanmax(before, axis=0, initial=0.0) > TOLERANCE_MPS).tolist()
+    repaired = _velocity_from_displacement(repaired, wrong_bodies)
+    after = _errors(_displacement(truth), _velocity(repaired), is_moving)
 
     repairs = Repairs(
-        velocity_from_displacement=[truth.ids[i] for i in wrong],
+        velocity_from_displacement=[truth.ids[i] for i in wrong_bodies],
         cut_at_jump=[jump.object for jump in (*cut, *ends)],
     )
     result = TruthAudit(
@@ -90,13 +90,13 @@ def audited_truth(
 
 
 def exact(truth: Truth) -> Truth:
-    """The same truth, whose positions and velocities come from the same formulas, with what there is to say of it."""
-    none = VelocityMismatch(max_mps=0.0, mean_mps=0.0, object=None, time_s=None)
+    """Return the truth with an audit that calls it exact, for positions and velocities from the same formulas."""
+    no_mismatch = VelocityMismatch(max_mps=0.0, mean_mps=0.0, object=None, time_s=None)
     result = TruthAudit(
         mode="by construction",
         verdict="exact",
-        velocity_error_before=none,
-        velocity_error_after=none,
+        velocity_error_before=no_mismatch,
+        velocity_error_after=no_mismatch,
         jumps=[],
         velocity_jumps=jumps.summarised(truth),
         repaired=Repairs(),
@@ -105,69 +105,65 @@ def exact(truth: Truth) -> Truth:
 
 
 def _velocity(truth: Truth) -> Array:
-    """``(2, steps, objects, runs)`` m/s."""
     return np.stack([truth.vx, truth.vy])
 
 
 def _displacement(truth: Truth) -> Array:
-    """Mean velocity of each step, ``(2, steps - 1, objects, runs)`` m/s."""
+    """Return the mean velocity of each step, ``(2, steps - 1, objects, runs)`` m/s."""
     dt = np.diff(truth.time)[:, None, None]
     return np.stack([np.diff(truth.px, axis=0), np.diff(truth.py, axis=0)]) / dt
 
 
-def _together(alive: Mask) -> Mask:
-    """``(steps - 1, objects)``: where a body is there at both ends of a step."""
+def _is_present_over_step(alive: Mask) -> Mask:
     return alive[:-1] & alive[1:]
 
 
 def _errors(displacement: Array, velocity: Array, moving: Mask) -> Array:
-    """Velocity that the displacement does not bear out, ``(steps - 1, objects)`` m/s, NaN where absent.
+    """Return the difference of velocity and displacement, ``(steps - 1, objects)`` m/s; NaN where absent.
 
-    For each body by the rule of integration that fits it better.
+    The rule of integration is the one that fits the body better.
     """
-    euler, trapezoid = _by_rule(displacement, velocity, moving)
-    return np.where(_typical(euler) <= _typical(trapezoid), euler, trapezoid)
+    euler, trapezoid = _errors_by_rule(displacement, velocity, moving)
+    return np.where(_median_errors(euler) <= _median_errors(trapezoid), euler, trapezoid)
 
 
 def by_euler(truth: Truth) -> Mask:
-    """``(objects,)``: those whose velocity at the start of a step moves them until its end, rather than the mean of the
-    velocities at its ends."""
-    euler, trapezoid = _by_rule(_displacement(truth), _velocity(truth), _together(truth.alive))
-    return np.asarray(_typical(euler) <= _typical(trapezoid))
+    """Return ``(objects,)`` whether the velocity at a step's start, not the step's mean, moves the body."""
+    euler, trapezoid = _errors_by_rule(_displacement(truth), _velocity(truth), _is_present_over_step(truth.alive))
+    return np.asarray(_median_errors(euler) <= _median_errors(trapezoid))
 
 
-def _by_rule(displacement: Array, velocity: Array, moving: Mask) -> tuple[Array, Array]:
-    """The errors by Euler's rule (the velocity at the start of a step moves the body, as highway-env does for all but
-    its dynamic bicycle) and by the trapezoid."""
+def _errors_by_rule(displacement: Array, velocity: Array, moving: Mask) -> tuple[Array, Array]:
+    """Return errors by Euler's rule, which highway-env uses except for its dynamic bicycle, and by the trapezoid."""
     euler = np.hypot(*(displacement - velocity[:, :-1])).max(axis=-1)
     trapezoid = np.hypot(*(displacement - 0.5 * (velocity[:, :-1] + velocity[:, 1:]))).max(axis=-1)
     return np.where(moving, euler, np.nan), np.where(moving, trapezoid, np.nan)
 
 
-def _typical(errors: Array) -> Array:
+def _median_errors(errors: Array) -> Array:
     return np.array(
         [np.median(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in errors.T]
     )
 
 
 def _jumps(displacement: Array, velocity: Array, moving: Mask, time: Array) -> Mask:
-    """``(steps - 1, objects)``: steps that neither the velocity nor the steps around them account for.
+    """Return the steps ``(steps - 1, objects)`` that neither the velocity nor the neighbouring steps explain.
 
-    A wrong velocity along a smooth path is not a jump: there the displacement goes on as it did.
+    A wrong velocity along a smooth path is not a jump, because the displacement continues smoothly.
     """
     unexplained = _errors(displacement, velocity, moving)
     path = np.where(moving[..., None], displacement, np.nan)
     padded = np.pad(path, ((0, 0), (NEIGHBOURS, NEIGHBOURS), (0, 0), (0, 0)), constant_values=np.nan)
     window = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis=1)
-    absent = np.isnan(window).all(axis=-1, keepdims=True)
-    expected = np.nanmedian(np.where(absent, 0.0, window), axis=-1)
-    strange = np.hypot(*(displacement - expected)).max(axis=-1)
+    is_absent = np.isnan(window).all(axis=-1, keepdims=True)
+    expected = np.nanmedian(np.where(is_absent, 0.0, window), axis=-1)
+    deviation = np.hypot(*(displacement - expected)).max(axis=-1)
     limit = TOLERANCE_MPS + IMPOSSIBLE_MPS2 * np.diff(time)[:, None]
-    result: Mask = (unexplained > TOLERANCE_MPS) & (strange > limit)
+    result: Mask = (unexplained > TOLERANCE_MPS) & (deviation > limit)
     return result
 
 
-def _begins(state: Mask) -> Mask:
+def _rising_edges(state: Mask) -> Mask:
     return state[1:] & ~state[:-1]
 
 
@@ -181,23 +177,23 @@ def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[Po
     carrier = truth.observer
     px, py, vx, vy = (a[:, None, None] for a in (carrier.px, carrier.py, carrier.vx, carrier.vy))
     displacement = np.stack([np.diff(px, axis=0), np.diff(py, axis=0)]) / np.diff(truth.time)[:, None, None]
-    moving = np.ones((len(truth.time) - 1, 1), dtype=bool)
-    jumped = _jumps(displacement, np.stack([vx, vy]), moving, truth.time)[:, 0] | _begins(collided)
-    result = np.flatnonzero(jumped)
-    if not result.size:
+    is_moving = np.ones((len(truth.time) - 1, 1), dtype=bool)
+    is_jump = _jumps(displacement, np.stack([vx, vy]), is_moving, truth.time)[:, 0] | _rising_edges(collided)
+    jumps_at = np.flatnonzero(is_jump)
+    if not jumps_at.size:
         return truth, []
-    end = int(result[0]) + 1
+    end = int(jumps_at[0]) + 1
     if end < 2:
         if not collided.any():
             raise InputError("the observer jumps at the start: check the units of positions and speeds", key="truth")
         raise InputError("the observer collides at the start; choose another truth.seed", key="truth.seed")
     distance = np.hypot(*(displacement[:, end - 1, 0, 0] - np.array([carrier.vx[end - 1], carrier.vy[end - 1]])))
-    far = float(distance * (truth.time[end] - truth.time[end - 1]))
-    jump = PositionJump(object="observer", time_s=float(truth.time[end]), distance_m=far)
-    return _until(truth, end), [jump]
+    jump_m = float(distance * (truth.time[end] - truth.time[end - 1]))
+    jump = PositionJump(object="observer", time_s=float(truth.time[end]), distance_m=jump_m)
+    return _cut_at(truth, end), [jump]
 
 
-def _until(truth: Truth, end: int) -> Truth:
+def _cut_at(truth: Truth, end: int) -> Truth:
     carrier = {name: getattr(truth.observer, name)[:end] for name in ("px", "py", "yaw", "vx", "vy", "yaw_rate")}
     return replace(
         truth,
@@ -223,7 +219,7 @@ def _velocity_from_displacement(truth: Truth, bodies: Sequence[int]) -> Truth:
 
 
 def _summary(errors: Array, truth: Truth) -> VelocityMismatch:
-    """Largest and mean error, and where it is largest; None where nothing moves."""
+    """Return the largest and mean error and the place of the largest; None if nothing moves."""
     if not np.isfinite(errors).any():
         return VelocityMismatch(max_mps=None, mean_mps=None, object=None, time_s=None)
     step, body = np.unravel_index(np.nanargmax(errors), errors.shape)

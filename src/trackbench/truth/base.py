@@ -1,4 +1,4 @@
-"""What a truth source is."""
+"""Interface of a truth source."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MAX_SCENES = 1000
 
 
 class Draw(NamedTuple):
-    """What random motion is drawn by: ``streams.stream(seed, scenario, run, "motion of <object>")``."""
+    """Key of the random motion: ``streams.stream(seed, scenario, run, "motion of <object>")``."""
 
     seed: int
     scenario: str
@@ -28,19 +28,19 @@ class Draw(NamedTuple):
 
 
 class LoadedTruth(NamedTuple):
-    """A truth and how it was come by."""
+    """Ground truth, and how it was obtained."""
 
     truth: Truth
     cached: bool = False
-    """Whether it was read from the cache."""
+    """Whether the truth was read from the cache."""
     notes: tuple[str, ...] = ()
-    """What was left out of a recording, a line each."""
+    """Remarks on the recording, such as rows left out, one per line."""
     measurements: dict[str, Recorded] | None = None
-    """By sensor; None where measurements are to be synthesised."""
+    """Recorded measurements by sensor; None if measurements are to be synthesised."""
 
 
 class TruthSource(Config, ABC):
-    """Where the true motion comes from. The fields of a subclass are its options in a scenario."""
+    """Source of the true motion. The fields of a subclass are its options in a scenario."""
 
     source: str = Field("", description="Where the true motion comes from.")
 
@@ -50,19 +50,19 @@ class TruthSource(Config, ABC):
         return {"source": TRUTH_SOURCES.name_of(cls), **data} if isinstance(data, dict) else data
 
     def scenes(self) -> Sequence[Self]:
-        """Each scene as a source of its own; the source itself, where it has only one.
+        """Return a source for each scene; the source itself if there is only one.
 
-        Scenes differ in their motion and nothing else: same sensors, same length, same number of runs.
+        Scenes differ only in their motion: same sensors, same length, same number of runs.
         """
         return (self,)
 
     @property
     def scene_name(self) -> str:
-        """What tells it from the other scenes; empty where nothing does."""
+        """Name that distinguishes the scene from the other scenes; empty for a single scene."""
         return ""
 
     def stored(self) -> LoadedTruth | None:
-        """The truth, where it is at hand without being made; None where ``load`` has to make it."""
+        """Return the truth if it is available without simulation; None if ``load`` has to make it."""
         return None
 
     @abstractmethod
@@ -75,46 +75,46 @@ class TruthSource(Config, ABC):
         cache: bool = True,
         progress: Progress = no_progress,
     ) -> LoadedTruth:
-        """The truth that these options describe; of several scenes, that of the first.
+        """Return the truth of these options; with several scenes, the truth of the first.
 
         Args:
-            draw: what random motion is drawn by.
-            folder: the scenario's, where relative paths start.
-            sensors: the kind of each of the scenario's sensors, which a recording may feed.
-            cache: whether a simulated truth is read from the cache and kept there.
-            progress: called with the number of steps simulated and of all.
+            draw: key of the random motion.
+            folder: folder of the scenario, where relative paths start.
+            sensors: kind of each of the scenario's sensors, for which a recording may have measurements.
+            cache: whether a simulated truth is read from and written to the cache.
+            progress: called with the number of simulated steps and the number of all steps.
 
         Raises:
-            InputError: it cannot be had; ``key`` names the option at fault (``truth.env``).
+            InputError: the truth is not available; ``key`` names the option at fault (``truth.env``).
         """
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> Sequence[str] | None:
-        """Check everything that can be checked without simulating, as far as the options alone do not show it.
+        """Check everything that needs no simulation, beyond the validation of the options.
 
         Args:
-            folder: the scenario's, where relative paths start; the working directory unless given.
-            sensors: the kind of each of the scenario's sensors, which a recording may feed.
+            folder: folder of the scenario, where relative paths start; the working directory if None.
+            sensors: kind of each of the scenario's sensors, for which a recording may have measurements.
 
         Returns:
-            What a recording implies and what is left out of it, a line each, as the notes of ``load``.
+            The notes of ``load``, one per line.
 
         Raises:
-            InputError: as in ``load``.
+            InputError: ``load`` would fail.
         """
         return None
 
     def recorded_rate(self, folder: Path) -> float | None:
-        """Instants per second of recorded traffic, Hz, which no sensor exceeds; else None. Errors as of ``load``."""
+        """Return the instants per second of recorded traffic, Hz, which no sensor exceeds; else None."""
         return None
 
     @property
     def counted_stretches(self) -> list[tuple[int, int]]:
-        """Number of the log, and that of the stretch in it, of each that counts; none where logs are not cut."""
+        """Log number and stretch number of each scored stretch; empty if logs are not cut."""
         return []
 
     @property
     def quick(self) -> bool:
-        """Whether ``load`` takes so little time that it is not worth another process."""
+        """Whether ``load`` is too fast to be worth another process."""
         return False
 
     @property
@@ -124,32 +124,31 @@ class TruthSource(Config, ABC):
 
     @property
     def white_acceleration(self) -> float | None:
-        """Standard deviation per axis, m/s^2, of an acceleration drawn anew at each step of the truth, if nothing else
-        drives any object; else None."""
+        """Standard deviation per axis of white acceleration, m/s^2, if it alone drives every object; else None."""
         return None
 
     def with_all_objects(self, within_m: float) -> Self:
-        """The source whose truth has every object, with ``Truth.target``: for hidden identities.
+        """Return the source with all objects, not only targets, in its truth, for hidden identities.
 
         Args:
-            within_m: an object that is no target and never comes this near to the observer may be left out. It is
-                the option ``others_within_m`` of those that have one, unless that is stated.
+            within_m: distance from the observer, m, beyond which objects that are no targets may be left out. It is
+                the default of the option ``others_within_m``, if the source has one.
         """
         if getattr(self, "others_within_m", within_m) is not None:
             return self
         return self.model_copy(update={"others_within_m": within_m})
 
     def with_hidden_identities(self) -> Self:
-        """The source where nothing tells trackers of which object a detection is."""
+        """Return the source for trackers that are not told the objects of detections."""
         return self
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
-        """Those of the sensors, given by name with their kinds, whose measurements the source has."""
+        """Return the sensors, among those given by name with their kinds, with recorded measurements."""
         return {}
 
 
 class SteppedTruth(TruthSource):
-    """A truth source that makes its motion at a regular rate, into which the sensors' rates have to fit."""
+    """Truth source with a regular rate, which every sensor's rate must divide."""
 
     duration_s: float = Field(gt=0, le=3600, description="Length of the scene, s.")
     rate_hz: int = Field(
@@ -157,7 +156,7 @@ class SteppedTruth(TruthSource):
     )
 
 
-#: The truth sources by the names that scenarios use.
+#: Truth sources by their names in scenarios.
 TRUTH_SOURCES: Registry[type[TruthSource]] = Registry(
     "trackbench.truth_sources", "truth source", lacks_class(TruthSource)
 )

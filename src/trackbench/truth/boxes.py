@@ -1,4 +1,4 @@
-"""A truth from the boxes of a file: each counts where it is, and none is repaired or left out."""
+"""Ground truth from the boxes of a file, without repairs or omissions."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from trackbench.truth.tracks import (
     tracks_of_rows,
 )
 
-#: Instants times objects that still fit the memory of a small machine.
+#: Largest number of instants times objects that fits the memory of a small machine.
 LARGEST = 20_000_000
 
 
 def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
-    """Return the truth that boxes are.
+    """Return the ground truth of the boxes in a file.
 
     Args:
-        config: the ``truth`` of a scenario.
-        folder: where relative paths start.
-        sensors: whether the scenario has sensors, which stand at the observer.
+        config: the scenario's ``truth``.
+        folder: folder where relative paths start.
+        sensors: whether the scenario has sensors, which are at the observer.
 
     Raises:
-        InputError: the file cannot be read or is damaged, or has no object.
+        InputError: the file cannot be read, is damaged, or has no object.
     """
     file = find_log(config.path, folder, "truth.path")
     rows = read_rows(config.format, file)
@@ -49,13 +49,13 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
         raise InputError("every row is a don't-care box, so there is no object", file=file)
     time = _without_rounding(rows.time)
     first = float(time[~dont_care].min())
-    tracks = tracks_of_rows(_only(rows, time - first, ~dont_care), file)
+    tracks = tracks_of_rows(_selected_rows(rows, time - first, ~dont_care), file)
     if len(np.unique(time)) * len(tracks) > LARGEST:
         what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
         raise InputError(f"{what} are too many; take a shorter time", file=file)
     kinds = {track.id: track.kind for track in tracks}
     for number, kind in enumerate(config.reference.classes or ()):
-        if kind.casefold() not in {each.casefold() for each in kinds.values()}:
+        if kind.casefold() not in {class_name.casefold() for class_name in kinds.values()}:
             classes = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
             raise InputError(
                 f"no object is of the class {kind!r}; the file has {classes}", key=f"truth.reference.classes.{number}"
@@ -72,16 +72,16 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
             "rows": len(rows),
         },
         frames=np.unique(time) - first,
-        boxes=_boxes(_only(rows, time - first, dont_care)),
+        boxes=_dont_care_boxes(_selected_rows(rows, time - first, dont_care)),
         kinds=kinds,
         start=rows.start + Decimal(repr(first)),
     )
     if not config.has_observer and not sensors:
-        # Nothing is measured from there: it is where the pictures look from.
+        # Without sensors the observer is only the centre of the pictures.
         middle = FixedObserver(x=float(np.round(rows.px.mean())), y=float(np.round(rows.py.mean())))
         config = config.model_copy(update={"observer": middle})
     truth = with_scored_region(truth_on_grid(config, drive, grid(drive, {})), config.reference, drive)
-    beside = _beside(drive, truth) & ~truth.alive
+    beside = _is_near_row(drive, truth) & ~truth.alive
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
     if config.stretches is not None:
         require_long_enough(truth, {}, config.stretches)
@@ -89,20 +89,20 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
 
 
 def _without_rounding(time: Array) -> Array:
-    """The times, those that differ by rounding alone made equal to the earliest of them."""
+    """Return the times, with times that differ only by rounding set to the earliest of them."""
     order = np.argsort(time, kind="stable")
-    begins = np.diff(time[order], prepend=-np.inf) > SAME_STAMP_S
+    is_new = np.diff(time[order], prepend=-np.inf) > SAME_STAMP_S
     result = np.empty_like(time)
-    result[order] = time[order][np.flatnonzero(begins)[np.cumsum(begins) - 1]]
+    result[order] = time[order][np.flatnonzero(is_new)[np.cumsum(is_new) - 1]]
     return result
 
 
-def _only(rows: TrackRows, time: Array, chosen: Mask) -> TrackRows:
-    return replace(rows, time=time, start=Decimal(0)).rows(np.flatnonzero(chosen))
+def _selected_rows(rows: TrackRows, time: Array, is_selected: Mask) -> TrackRows:
+    return replace(rows, time=time, start=Decimal(0)).rows(np.flatnonzero(is_selected))
 
 
 def _motion(track: TrafficTrack) -> Motion:
-    """As stated; without a velocity that of the displacement."""
+    """Return the motion as stated; a missing velocity is taken from the displacement."""
     vx, vy = track.vx, track.vy
     if vx is None or vy is None:
         vx, vy = slope(track.x, track.time), slope(track.y, track.time)
@@ -110,22 +110,21 @@ def _motion(track: TrafficTrack) -> Motion:
     return Motion(track.time, track.x, track.y, vx, vy, track.heading, length=length, width=width)
 
 
-def _beside(drive: Drive, truth: Truth) -> Mask:
-    """``(steps, objects)`` which times, of other objects, are near a row or between two with none missing between."""
-    usual = [float(np.median(np.diff(own.time))) for own in drive.motions.values() if len(own.time) > 1]
+def _is_near_row(drive: Drive, truth: Truth) -> Mask:
+    """Return ``(steps, objects)`` whether a time is near a row of the object, or between rows without a gap."""
+    periods = [float(np.median(np.diff(motion.time))) for motion in drive.motions.values() if len(motion.time) > 1]
     result = np.zeros_like(truth.alive)
-    for number, own in enumerate(drive.motions.values()):
-        period, whole = row_period(own.time)
-        period = min(period or float(np.median(usual or [0.0])), LONGEST_GAP_S)
-        _, away, before = nearest_rows(own.time, truth.time)
-        inside = (truth.time > own.time[0]) & (truth.time < own.time[-1])
-        between = inside & np.append(whole & (np.diff(own.time) <= LONGEST_GAP_S), False)[before]
-        result[:, number] = between | (away <= period / 2 * (1 + 1e-9))
+    for number, motion in enumerate(drive.motions.values()):
+        period, has_no_gap = row_period(motion.time)
+        period = min(period or float(np.median(periods or [0.0])), LONGEST_GAP_S)
+        _, distance, before = nearest_rows(motion.time, truth.time)
+        is_inside = (truth.time > motion.time[0]) & (truth.time < motion.time[-1])
+        is_between = is_inside & np.append(has_no_gap & (np.diff(motion.time) <= LONGEST_GAP_S), False)[before]
+        result[:, number] = is_between | (distance <= period / 2 * (1 + 1e-9))
     return result
 
 
-def _boxes(rows: TrackRows) -> Array:
-    """Don't-care boxes as in ``Drive.boxes``; a point where the file does not state a size."""
+def _dont_care_boxes(rows: TrackRows) -> Array:
     heading, length, width = (
         np.zeros(len(rows)) if values is None else np.nan_to_num(values)
         for values in (rows.heading, rows.length, rows.width)

@@ -1,4 +1,4 @@
-"""highway-env driven by a program from step to step, and its truth up to now."""
+"""Stepwise simulation of highway-env driven by a program, with its truth up to now."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from trackbench.truth.environment import Recorder, rates_at_instants
 from trackbench.truth.frames import with_sizes
 from trackbench.truth.highway import DriverModel, control_of, isolated, prepare_env, step_count
 
-#: By how many places for bodies the truth grows where vehicles come that were not there at first.
+#: Number of places for bodies added to the truth when new vehicles appear.
 MORE_PLACES = 16
 
 
 class DrivenTraffic:
-    """An episode of traffic among which a program drives the ego vehicle.
+    """Episode of traffic in which a program drives the ego vehicle.
 
     Args:
-        config: the environment and its seed; who drives the ego, the observer and the targets are not used.
+        config: environment and seed; the options ego, observer and targets are not used.
 
     Raises:
         InputError: an unknown id or key, a value of the wrong type, rates that do not divide, several agents.
@@ -40,22 +40,22 @@ class DrivenTraffic:
         self._places = len(self._recorder)
         self._dt = 1.0 / config.rate_hz
         self.times: Array = np.arange(step_count(config), dtype=np.float64) * self._dt
-        """``(steps,)`` of the longest possible episode, s."""
+        """``(steps,)`` times of the longest possible episode, s."""
 
     def step(self, action: Any) -> tuple[float, bool, bool]:
-        """Act until the next decision.
+        """Apply an action until the next decision.
 
         Returns:
-            The reward, whether the episode has ended, and whether the environment's time limit is over.
+            Reward, whether the episode has ended, and whether the environment's time limit has passed.
         """
         with isolated(self._driver_model):
             _, reward, terminated, truncated, _ = self.env.step(action)
         return float(reward), bool(terminated), bool(truncated)
 
     def truth(self) -> Truth:
-        """Return the motion of all vehicles but the ego, the observer, from the start of the episode to now."""
+        """Return the motion of all vehicles except the ego, the observer, from the start to now."""
         if self._places < len(self._recorder):
-            # Noise is drawn for all places at once: that to come is another one from here on.
+            # Noise is drawn for all places at once, so that more places change all later noise.
             self._places = len(self._recorder) + MORE_PLACES
         frames = self._recorder.until_now(self._dt, self._places)
         if self._config.sizes is not None:

@@ -1,4 +1,4 @@
-"""Drivers of highway-env's vehicles who vary, so that those behind them react."""
+"""Drivers of highway-env's vehicles who vary, so that the vehicles behind them react."""
 
 from __future__ import annotations
 
@@ -16,58 +16,58 @@ from trackbench.base.units import wrap_angle
 from trackbench.truth.config import HighwayOptions
 from trackbench.truth.environment import SteeredVehicle, mixed_with, steered
 
-#: With which a driver brakes for a bend ahead, m/s^2.
+#: Braking for a bend ahead, m/s^2.
 COMFORTABLE_BRAKING_MPS2 = 2.0
-#: How far a driver looks for bends from the start of its lane, m: beyond where it would brake at 40 m/s.
+#: Distance from the start of its lane to which a driver looks for bends, m: enough to brake from 40 m/s.
 SEEN_AHEAD_M = 500.0
 #: Acceleration and braking of a calm driver, m/s^2. Source: Kesting, Treiber and Helbing (2010), as ``calm_braking``.
 CALM_ACCELERATION_MPS2, CALM_BRAKING_MPS2 = 1.4, 2.0
-#: So much above ``calm_from_mps`` a driver is wholly calm, m/s.
+#: Speed above ``calm_from_mps`` at which a driver is fully calm, m/s.
 CALM_OVER_MPS = 3.0
-#: Between the headings of which a lane's curvature is taken, m.
+#: Distance between headings for the curvature of a lane, m.
 SPACING_M = 2.0
-#: Rate of the front wheels where ``truth.steering_rate_degps`` is not given, degrees per second.
+#: Default rate of the front wheels, if ``truth.steering_rate_degps`` is not given, degrees per second.
 STEERING_RATE_DEGPS = 30.0
 
 
 @dataclass(frozen=True)
 class Drivers:
-    """How drivers vary, who each have a random stream of their own: ``human`` unless another value is given.
+    """Variation of drivers, each with a random stream of its own; the defaults are ``drivers: human``.
 
-    Acceleration and wander are fitted to recorded traffic; the other values have their sources in docs/drivers.md.
+    Acceleration and wander are fitted to recorded traffic; docs/drivers.md has the sources of the other values.
     """
 
     acceleration_rms_mps2: float = 0.52
-    """RMS of the acceleration that a driver adds to that of the model: a Gauss-Markov process."""
+    """RMS of the acceleration that a driver adds to the model's, a Gauss-Markov process."""
     acceleration_full_mps: float = 10.0
-    """Speed from which on the acceleration has this size; below, the size is in proportion to the speed."""
+    """Speed from which the added acceleration has its full size; below, its size is proportional to the speed."""
     acceleration_time_s: float = 0.8
-    """Correlation time of the acceleration, to 1/e."""
+    """Correlation time of the added acceleration, to 1/e."""
     wander_m: float = 0.18
-    """RMS distance of the car from where its lane leads it."""
+    """RMS distance of the car from the path of its lane."""
     wander_time_s: float = 0.4
-    """Correlation time of the place in the lane that the driver steers for: a Gauss-Markov process."""
+    """Correlation time of the lateral offset that the driver steers for, a Gauss-Markov process."""
     reaction_s: float = 0.7
-    """Delay of the braking for the vehicle ahead: its gap and both speeds are seen so late."""
+    """Delay with which the driver perceives the gap and both speeds when braking for the vehicle ahead."""
     speed_spread: float = 0.08
     """Standard deviation over drivers of the desired speed, relative to its mean."""
     headway_s: tuple[float, float] = (1.0, 2.7)
-    """Least and most time gap that a driver keeps, uniform."""
+    """Smallest and largest time gap that a driver keeps; uniform between them."""
     calm_from_mps: float = 14.0
-    """Speed from which on a driver accelerates and brakes as the enhanced intelligent driver model has it."""
+    """Speed above which a driver accelerates and brakes by the enhanced intelligent driver model."""
     cornering_mps2: float = 3.0
-    """Largest acceleration across at which a driver takes a bend, for which it brakes in time."""
+    """Largest lateral acceleration that a driver accepts in a bend; the driver brakes in time for it."""
     grip_mps2: float = 7.8
-    """Largest acceleration of the tyres, along and across together."""
+    """Largest acceleration of the tyres, longitudinal and lateral combined."""
     jerk_mps3: float = 15.0
-    """Largest rate of change of the wanted acceleration, before noise is added and grip limits it."""
+    """Largest rate of change of the wanted acceleration, before the added noise and the limit of grip."""
 
 
 HUMAN = Drivers()
 
 
 class GaussMarkov:
-    """A first-order Gauss-Markov process (Ornstein-Uhlenbeck), stationary from the start.
+    """First-order Gauss-Markov process (Ornstein-Uhlenbeck), stationary from the start.
 
     Its autocorrelation is ``sigma^2 exp(-|t| / time_s)``. Sampled exactly at any step ``dt``:
     ``x <- k x + sigma sqrt(1 - k^2) w`` with ``k = exp(-dt / time_s)`` and ``w ~ N(0, 1)``
@@ -81,18 +81,18 @@ class GaussMarkov:
         self.value = sigma * random.standard_normal()
 
     def advance(self) -> float:
-        """The value one step later."""
+        """Return the value after one more step."""
         self.value = self._keep * self.value + self._drive * self._random.standard_normal()
         return self.value
 
 
 def lateral_gain(time_s: float) -> float:
-    """RMS distance of a car from the lane's centre, over that of the Gauss-Markov process that its driver steers for.
+    """Return the RMS lateral distance of a car, relative to the RMS of the offset that its driver steers for.
 
-    The car follows the process ``w`` by ``y'' + a y' + b y = b w`` with ``a = 1 / TAU_HEADING`` and
-    ``b = a / TAU_LATERAL``. The variance of the output is an integral of its spectrum (Newton, Gould and Kaiser,
-    Analytical Design of Linear Feedback Controls, appendix E): ``b (a + c) / (a (b + a c + c^2))`` of that of ``w``,
-    with ``c = 1 / time_s``.
+    The offset ``w`` is a Gauss-Markov process, which the car follows by ``y'' + a y' + b y = b w`` with
+    ``a = 1 / TAU_HEADING`` and ``b = a / TAU_LATERAL``. The variance of ``y`` is the variance of ``w`` times
+    ``b (a + c) / (a (b + a c + c^2))`` with ``c = 1 / time_s``, an integral of its spectrum (Newton, Gould and Kaiser,
+    Analytical Design of Linear Feedback Controls, appendix E).
     """
     a, c = 1.0 / SteeredVehicle.TAU_HEADING, 1.0 / time_s
     b = a / SteeredVehicle.TAU_LATERAL
@@ -100,53 +100,53 @@ def lateral_gain(time_s: float) -> float:
 
 
 class Driver:
-    """What is one driver's own.
+    """Individual properties of one driver.
 
     Args:
-        options: of all drivers.
-        dt: the step of the simulation, s.
-        seed: of the traffic.
-        number: of the vehicle, by its appearance.
+        options: options of all drivers.
+        dt: step of the simulation, s.
+        seed: seed of the traffic.
+        number: number of the vehicle, in order of appearance.
     """
 
     def __init__(self, options: Drivers, dt: float, seed: int, number: int) -> None:
-        def own(purpose: str) -> np.random.Generator:
+        def random_stream(purpose: str) -> np.random.Generator:
             return stream(seed, "drivers", number, purpose)
 
         self.options = options
         self.acceleration = GaussMarkov(
-            options.acceleration_rms_mps2, options.acceleration_time_s, dt, own("acceleration")
+            options.acceleration_rms_mps2, options.acceleration_time_s, dt, random_stream("acceleration")
         )
-        wanted = options.wander_m / lateral_gain(options.wander_time_s)
-        self.wander = GaussMarkov(wanted, options.wander_time_s, dt, own("wander"))
-        # Within two standard deviations: nobody wants to drive at half the speed of the others.
-        deviation = float(np.clip(own("speed").standard_normal(), -2.0, 2.0))
+        wander_sigma = options.wander_m / lateral_gain(options.wander_time_s)
+        self.wander = GaussMarkov(wander_sigma, options.wander_time_s, dt, random_stream("wander"))
+        # Within two standard deviations, so that nobody drives at half the speed of the others.
+        deviation = float(np.clip(random_stream("speed").standard_normal(), -2.0, 2.0))
         self.speed_factor = 1.0 + options.speed_spread * deviation
-        self.headway = own("headway").uniform(*options.headway_s)
+        self.headway = random_stream("headway").uniform(*options.headway_s)
         self._seen = deque([0.0] * (round(options.reaction_s / dt) + 1), maxlen=round(options.reaction_s / dt) + 1)
 
-    def reacts_to(self, seen: float) -> float:
-        """What was seen ``reaction_s`` ago, and note what is seen now."""
-        self._seen.append(seen)
+    def reacts_to(self, present: float) -> float:
+        """Return the value perceived ``reaction_s`` ago, and store the present one."""
+        self._seen.append(present)
         return self._seen[0]
 
 
 class HumanVehicle(SteeredVehicle):
-    """A vehicle with a driver who varies. What the road asks of it is felt at once, the vehicle ahead later."""
+    """Vehicle with a driver who varies, and who reacts to the road at once but to the vehicle ahead with a delay."""
 
     driver: Driver
-    #: Largest speed in the bends of each lane that has some, by index, m/s.
+    #: Largest speed in the bends of each lane with bends, by index, m/s.
     BENDS: dict[Any, float]
-    #: Acceleration of the model, before what the driver adds, m/s^2.
+    #: Acceleration of the model, without the driver's addition, m/s^2.
     intended = 0.0
-    #: The course minus the heading, rad.
+    #: Course minus heading, rad.
     slip = 0.0
-    #: The target lane that ``bends_ahead`` is of.
+    #: Target lane for which ``bends_ahead`` was computed.
     bends_from: Any = None
 
     @property
     def target_speed(self) -> float:
-        """The desired speed: that of the model times the driver's own factor, m/s."""
+        """Desired speed: the model's times the driver's own factor, m/s."""
         return float(self.__dict__["target_speed"] * self.driver.speed_factor)
 
     @target_speed.setter
@@ -154,43 +154,43 @@ class HumanVehicle(SteeredVehicle):
         self.__dict__["target_speed"] = value
 
     def controls(self, dt: float) -> dict[str, float]:
-        """Steering angle, rad, and acceleration, m/s^2."""
+        """Return steering angle, rad, and acceleration, m/s^2."""
         driver, options = self.driver, self.driver.options
         self.lane_offset_wanted = driver.wander.advance()
         slip_before = self.slip
         controls = super().controls(dt)
         self.slip = math.atan(0.5 * math.tan(self.steering))
 
-        alone = max(-self.ACC_MAX, self.free_road_acceleration())
-        # With a desired speed of zero the model would creep.
-        alone = min(alone, self.KP_A * max(0.0, self.target_speed - self.speed))
-        braking = min(0.0, self.action["acceleration"] - alone)
+        free = max(-self.ACC_MAX, self.free_road_acceleration())
+        # At a desired speed of zero the model would creep.
+        free = min(free, self.KP_A * max(0.0, self.target_speed - self.speed))
+        braking = min(0.0, self.action["acceleration"] - free)
         if self.speed > options.calm_from_mps:
             calm = min(1.0, (self.speed - options.calm_from_mps) / CALM_OVER_MPS)
-            alone *= 1.0 - calm * (1.0 - CALM_ACCELERATION_MPS2 / self.COMFORT_ACC_MAX)
+            free *= 1.0 - calm * (1.0 - CALM_ACCELERATION_MPS2 / self.COMFORT_ACC_MAX)
             braking += calm * (self.calm_braking(braking) - braking)
-        seen = driver.reacts_to(braking)
+        perceived = driver.reacts_to(braking)
         if self.BENDS:
-            alone = min(alone, self.KP_A * (self.speed_for_bends() - self.speed))
-        wanted = alone + seen
-        most = options.jerk_mps3 * dt
-        wanted = max(self.intended - most, min(self.intended + most, wanted))
+            free = min(free, self.KP_A * (self.speed_for_bends() - self.speed))
+        wanted = free + perceived
+        largest = options.jerk_mps3 * dt
+        wanted = max(self.intended - largest, min(self.intended + largest, wanted))
         self.intended = wanted
-        # Who stands still does so.
+        # A standing vehicle stays still.
         wanted += driver.acceleration.advance() * min(1.0, abs(self.speed) / options.acceleration_full_mps)
         turning = (self.slip - slip_before) / dt + self.speed * math.sin(slip_before) / (self.LENGTH / 2)
-        across = self.speed * turning
-        most = min(self.ACC_MAX, math.sqrt(max(0.0, self.GRIP**2 - across**2)))
-        wanted = max(-most, min(most, wanted))
+        lateral = self.speed * turning
+        largest = min(self.ACC_MAX, math.sqrt(max(0.0, self.GRIP**2 - lateral**2)))
+        wanted = max(-largest, min(largest, wanted))
         if self.speed >= 0.0:
             # Brakes do not push backwards.
             wanted = max(wanted, -self.speed / dt)
         return {**controls, "acceleration": wanted}
 
     def calm_braking(self, braking: float) -> float:
-        """Return the part of the model's braking that a calm driver takes, m/s^2, both at most 0.
+        """Return the braking of a calm driver for the model's braking, both at most 0 m/s^2.
 
-        It is what is needed not to hit the vehicles ahead, and at most ``CALM_BRAKING_MPS2`` more.
+        A calm driver brakes as needed to avoid the vehicles ahead, and at most ``CALM_BRAKING_MPS2`` harder.
 
         Source: Kesting, Treiber and Helbing (2010), "Enhanced intelligent driver model to access the impact of driving
         strategies on traffic capacity", equations 4 to 6.
@@ -210,7 +210,7 @@ class HumanVehicle(SteeredVehicle):
         closing: float = max(0.0, self.speed - ahead.speed)
         gap: float = self.lane_distance_to(ahead) - (self.LENGTH + ahead.LENGTH) / 2
         gap = max(0.1, gap - closing * self.driver.options.reaction_s)
-        # Braking that is no harder than is comfortable is not taken to go on.
+        # Comfortable braking of the vehicle ahead is not expected to continue.
         slowing: float = min(0.0, getattr(ahead, "intended", 0.0))
         if slowing > -CALM_BRAKING_MPS2:
             return -(closing**2) / (2.0 * gap)
@@ -219,7 +219,7 @@ class HumanVehicle(SteeredVehicle):
         return slowing - closing**2 / (2.0 * gap)
 
     def free_road_acceleration(self) -> float:
-        """``self.acceleration(self, None)``, m/s^2; of IDM in plain floats, which take a fifth of the time."""
+        """Return the acceleration on a free road, m/s^2; for IDM computed in plain floats, five times faster."""
         if type(self).acceleration is not IDMVehicle.acceleration:
             return float(self.acceleration(self, None))
         wanted, limit = self.target_speed, self.lane.speed_limit
@@ -229,7 +229,7 @@ class HumanVehicle(SteeredVehicle):
         return float(self.COMFORT_ACC_MAX * (1.0 - ratio**self.DELTA))
 
     def speed_for_bends(self) -> float:
-        """The largest speed from which the driver can brake for each bend in comfort, m/s."""
+        """Return the largest speed from which the driver can brake comfortably for each bend, m/s."""
         if self.target_lane_index != self.bends_from:
             self.bends_from, self.bends_ahead = self.target_lane_index, self._bends_ahead()
         slowest = math.inf
@@ -238,7 +238,7 @@ class HumanVehicle(SteeredVehicle):
         return math.sqrt(slowest)
 
     def _bends_ahead(self) -> list[tuple[float, float]]:
-        """Where each lane that bends starts, from the start of the target lane, m, and its speed, m/s."""
+        """Return where each lane with bends starts, m from the start of the target lane, and its speed, m/s."""
         start, bends = 0.0, []
         for index, lane in self.lanes_ahead():
             if index in self.BENDS:
@@ -250,12 +250,12 @@ class HumanVehicle(SteeredVehicle):
 
 
 class Traffic:
-    """Gives each vehicle that appears its driver.
+    """Control that gives each new vehicle its driver.
 
     Args:
-        env: the environment, reset.
-        options: of the drivers.
-        config: of the simulation.
+        env: environment after its reset.
+        options: options of the drivers.
+        config: options of the simulation.
     """
 
     def __init__(self, env: Any, options: Drivers, config: HighwayOptions) -> None:
@@ -273,7 +273,7 @@ class Traffic:
         vehicle.TIME_WANTED = vehicle.driver.headway
         vehicle.__class__ = self._human(type(vehicle))
         if self._env.steps == 0 and vehicle.BENDS:
-            # Of those that are there at the start some are in a bend, faster than tyres allow.
+            # At the start some vehicles are in a bend, faster than tyres allow.
             vehicle.along = vehicle.road.network.get_lane(vehicle.target_lane_index).local_coordinates(
                 vehicle.position
             )[0]
@@ -281,7 +281,7 @@ class Traffic:
 
 
 def bend_speeds(network: Any, across_mps2: float) -> dict[Any, float]:
-    """By the index of each lane that bends, the speed with which its sharpest bend takes ``across_mps2``, m/s."""
+    """Return the speed with which the sharpest bend of each lane takes ``across_mps2``, m/s, by lane index."""
     speeds = {}
     for start, ends in network.graph.items():
         for end, lanes in ends.items():

@@ -1,4 +1,4 @@
-"""The environment of highway-env: its settings, its steering, and the recorder of its steps."""
+"""Environment of highway-env: settings, steering, and recording of its steps."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from trackbench.base.types import Array, Mask, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.truth.frames import Frames
 
-#: Kinds of values that do not stand for each other.
+#: Kinds of values that do not replace each other.
 KINDS: tuple[Any, ...] = (bool, int | float, str, list | tuple, Mapping)
-#: The keys of an action, which has keys of its own for each of its types.
+#: Keys of an action, whose own keys depend on its type.
 ACTION = ("action", "action_config")
 
 
 def complete(
     config: Mapping[str, Any], defaults: Mapping[str, Any], action: Collection[str], at: str = "truth.config"
 ) -> dict[str, Any]:
-    """``config`` with what it leaves out of an action filled in from ``defaults``.
+    """Return ``config`` with missing keys of an action filled in from ``defaults``.
 
     Args:
-        config: of the scenario.
-        defaults: of the environment.
-        action: the keys of all types of actions.
-        at: the key of ``config``, for error messages.
+        config: configuration of the scenario.
+        defaults: configuration of the environment.
+        action: keys of all types of actions.
+        at: key of ``config`` in error messages.
 
     Raises:
-        InputError: an unknown key, or a value of another kind than its default.
+        InputError: unknown key, or a value of another kind than its default.
     """
     result: dict[str, Any] = {}
     for key, value in config.items():
@@ -56,24 +56,24 @@ def _kind(value: Any) -> Any:
 
 
 class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
-    """A vehicle that follows its target lane with a steering of finite rate; where it wants to go is left as it is.
+    """Vehicle that follows its target lane with a finite rate of steering.
 
-    The controller is that of ``ControlledVehicle`` (a lateral offset asks for a heading, a heading error for a turn),
-    slower by the same factor in both of its time constants, of the course instead of the heading, and solved for the
-    steering angle that turns the course at the wanted rate. With the original's time constants it would ask for 3 g
-    in a lane change, and a steering of finite rate would make it swing.
+    The controller is a changed one of ``ControlledVehicle``, in which a lateral offset asks for a heading and a heading
+    error for a turn. Both time constants are longer by one factor: the original ones ask for 3 g in a lane change, and
+    a finite rate of steering would make the vehicle swing. The controller acts on the course instead of the heading,
+    and is solved for the steering angle that turns the course at the wanted rate.
     """
 
     action: dict[str, float]
-    #: rad/s.
+    #: Largest rate of the steering angle, rad/s.
     STEERING_RATE = math.inf
-    #: Largest acceleration across, m/s^2.
+    #: Largest lateral acceleration, m/s^2.
     GRIP = math.inf
     TAU_HEADING = 0.5
     TAU_LATERAL = 1.5
     #: Distance from the start of its target lane, m.
     along = 0.0
-    #: Where it wants to be, to the side of the lane's centre, m.
+    #: Wanted lateral offset from the lane's centre, m.
     lane_offset_wanted = 0.0
 
     def step(self, dt: float) -> None:
@@ -82,18 +82,18 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
         super().step(dt)
 
     def controls(self, dt: float) -> dict[str, float]:
-        """Those that it sets itself in the step of ``dt`` s: the steering angle, rad."""
-        now = getattr(self, "steering", 0.0)
-        most = self.STEERING_RATE * dt
-        self.steering = now + float(np.clip(self._wanted(now, dt) - now, -most, most))
+        """Return the steering angle of the step of ``dt`` s, rad."""
+        present = getattr(self, "steering", 0.0)
+        largest_change = self.STEERING_RATE * dt
+        self.steering = present + float(np.clip(self._wanted(present, dt) - present, -largest_change, largest_change))
         return {"steering": self.steering}
 
     def steering_control(self, target_lane_index: Any) -> float:
-        """Not asked of the original's controller, since ``controls`` replaces it."""
+        """Return zero, since ``controls`` replaces the original controller."""
         return 0.0
 
     def _wanted(self, steering: float, dt: float) -> float:
-        """The steering angle with which the course turns as the target lane asks for, rad."""
+        """Return the steering angle that turns the course as the target lane asks for, rad."""
         lane = self.road.network.get_lane(self.target_lane_index)
         along, offset = lane.local_coordinates(self.position)
         self.along = along
@@ -110,7 +110,7 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
         return math.atan(2.0 * math.tan(float(np.clip(slip, -limit, limit))))
 
     def lanes_ahead(self) -> Iterator[tuple[Any, Any]]:
-        """The index of the target lane and of those after it on the route, each with the lane."""
+        """Yield index and lane of the target lane and of the lanes after it on the route."""
         network, index = self.road.network, self.target_lane_index
         route = list(self.route or ())
         while True:
@@ -122,7 +122,7 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
             index = following
 
     def _lane_heading(self, along: float) -> float:
-        """The heading of the target lane, or of those after it, at a distance from its start, m."""
+        """Return the heading of the target lane, or of lanes after it, at a distance from its start, m."""
         lanes = self.lanes_ahead()
         _, lane = next(lanes)
         while along > lane.length:
@@ -134,12 +134,12 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
         return float(lane.heading_at(along))
 
 
-#: What is done to a vehicle when it appears, with its number: the ego's is 0.
+#: Function called with each new vehicle and its number; the ego has number 0.
 Control = Callable[[Any, int], None]
 
 
 def steered(rate: float) -> Control:
-    """Let every vehicle that follows lanes steer at ``rate`` (rad/s) at most."""
+    """Return a control that limits the steering rate (rad/s) of every vehicle that follows lanes."""
     steered_kind = mixed_with(SteeredVehicle, STEERING_RATE=rate)
 
     def control(vehicle: Any, _: int) -> None:
@@ -150,11 +150,11 @@ def steered(rate: float) -> Control:
 
 
 def mixed_with(first: type[Any], **attributes: Any) -> Callable[[Any], type[Any]]:
-    """Return what makes of a class of vehicles one with another class before it; highway-env's own stay as they are.
+    """Return a function that derives a class from ``first`` and a given class of vehicles.
 
     Args:
-        first: the class that goes first.
-        attributes: of the classes that are made.
+        first: first base of the derived classes.
+        attributes: class attributes of the derived classes.
     """
 
     @cache
@@ -165,35 +165,35 @@ def mixed_with(first: type[Any], **attributes: Any) -> Callable[[Any], type[Any]
 
 
 def rates_at_instants(truth: Truth, stepped: Mask) -> Truth:
-    """The truth with the rates that hold at its instants, where those of the step that begins there are stated.
+    """Return the truth with velocity, acceleration and yaw rate at its instants instead of over the following steps.
 
-    A body that moves with one velocity until the next instant has that velocity half a step later, on the smooth path
-    through its positions. At the instant it has the mean of the steps before and after, to second order in the step.
-    Else the range rate and the velocity would be ahead of the position: by 0.3 m/s at 12 m/s^2 and 20 Hz.
+    A velocity constant over a step is, on the smooth path through the positions, the velocity at the step's middle. At
+    an instant the velocity is the mean of the steps before and after, to second order in the step. Otherwise range rate
+    and velocity would be ahead of the position: by 0.3 m/s at 12 m/s^2 and 20 Hz.
 
     Args:
-        truth: velocity, acceleration and yaw rate are those of the step that begins at each instant.
-        stepped: ``(objects,)`` the bodies that move so; the others stay. The observer moves so.
+        truth: truth with rates of the step that begins at each instant.
+        stepped: ``(objects,)`` bodies to change; the observer is always changed.
     """
-    averaged = np.zeros_like(truth.alive)
-    averaged[1:] = truth.alive[1:] & truth.alive[:-1]
-    averaged = (averaged & stepped)[..., None]
+    is_averaged = np.zeros_like(truth.alive)
+    is_averaged[1:] = truth.alive[1:] & truth.alive[:-1]
+    is_averaged = (is_averaged & stepped)[..., None]
 
     def middle(values: Array) -> Array:
-        return np.where(averaged, 0.5 * (values + _before(values)), values)
+        return np.where(is_averaged, 0.5 * (values + _before(values)), values)
 
     vx, vy = middle(truth.vx), middle(truth.vy)
-    moves = averaged & (np.hypot(vx, vy) > 0.0)
+    is_moving = is_averaged & (np.hypot(vx, vy) > 0.0)
     carrier = truth.observer
     vx_of_carrier, vy_of_carrier, turning = (
         0.5 * (rate + _before(rate)) for rate in (carrier.vx, carrier.vy, carrier.yaw_rate)
     )
     return replace(
         truth,
-        speed=np.where(averaged, np.hypot(vx, vy), truth.speed),
-        course=np.where(moves, wrap_angle(np.arctan2(vy, vx)), truth.course),
-        # The change from the step before to the step after is that at the instant.
-        acceleration=np.where(averaged, _before(truth.acceleration), truth.acceleration),
+        speed=np.where(is_averaged, np.hypot(vx, vy), truth.speed),
+        course=np.where(is_moving, wrap_angle(np.arctan2(vy, vx)), truth.course),
+        # The change from the previous step to the next step holds at the instant.
+        acceleration=np.where(is_averaged, _before(truth.acceleration), truth.acceleration),
         yaw_rate=middle(truth.yaw_rate),
         observer=replace(carrier, vx=vx_of_carrier, vy=vy_of_carrier, yaw_rate=turning),
     )
@@ -204,11 +204,11 @@ def _before(values: Array) -> Array:
 
 
 class Recorder:
-    """Stands in for ``road.step`` and notes, at the start of each step, every vehicle on the road.
+    """Replacement for ``road.step`` that records every vehicle on the road at the start of each step.
 
     Args:
-        env: the environment.
-        control: called with each vehicle that appears, before its first step.
+        env: environment to record.
+        control: called with each new vehicle, before its first step.
     """
 
     def __init__(self, env: Any, control: Control | None = None) -> None:
@@ -227,7 +227,7 @@ class Recorder:
         numbers = [self._number(vehicle) for vehicle in vehicles]
         before = [_state(v) for v in vehicles]
         self._step(dt)
-        # Steering is what this step used, so it is read after the step has clipped it.
+        # The step clips the steering, so it is read afterwards.
         self.frames.append(
             {
                 number: (*state, float(v.action["steering"]))
@@ -236,7 +236,7 @@ class Recorder:
         )
 
     def __len__(self) -> int:
-        """Number of vehicles that have been there."""
+        """Return the number of vehicles so far."""
         return len(self._bodies)
 
     def _number(self, vehicle: Any) -> int:
@@ -248,19 +248,19 @@ class Recorder:
         return self._numbers[id(vehicle)]
 
     def result(self, steps: int, dt: float) -> Frames:
-        """The first ``steps`` frames; the ego is body 0."""
+        """Return the first ``steps`` frames; the ego is body 0."""
         raw = _stacked(self.frames[:steps], len(self._bodies))
-        seen = np.flatnonzero(np.isfinite(raw[0]).any(axis=0))
-        return self._frames(raw[:, :, seen], seen, dt)
+        present = np.flatnonzero(np.isfinite(raw[0]).any(axis=0))
+        return self._frames(raw[:, :, present], present, dt)
 
     def until_now(self, dt: float, places: int) -> Frames:
-        """Return the frames of all steps, and that of now; the ego is body 0.
+        """Return the frames of all steps and the present one; the ego is body 0.
 
-        How the vehicles steer in the step that begins now is not known yet: as in the one before.
+        The steering of the step that begins now is not known yet; the previous step's is used.
 
         Args:
-            dt: between two, s.
-            places: number of bodies; places that no vehicle has had yet are absent.
+            dt: time between frames, s.
+            places: number of bodies; places without a vehicle are absent.
         """
         now = {self._number(v): (*_state(v), float(v.action["steering"])) for v in self._env.road.vehicles}
         raw = _stacked([*self.frames, now], max(places, len(self._bodies)))
@@ -289,12 +289,12 @@ class Recorder:
 
 
 def _state(vehicle: Any) -> tuple[float, ...]:
-    """Of a vehicle at the start of a step, as highway-env has it: y to the right, headings clockwise."""
+    """Return the state of a vehicle at the start of a step, as in highway-env: y to the right, headings clockwise."""
     return (*vehicle.position, vehicle.heading, vehicle.speed, vehicle.crashed)
 
 
 def _stacked(frames: Sequence[Mapping[int, tuple[float, ...]]], bodies: int) -> Array:
-    """``(6, frames, bodies)``, NaN where a body is absent."""
+    """Return frames as an array ``(6, frames, bodies)``; NaN for an absent body."""
     raw = np.full((6, len(frames), bodies), np.nan)
     for k, frame in enumerate(frames):
         for body, state in frame.items():

@@ -1,4 +1,4 @@
-"""Sizes and poses of vehicles, the bodies that are tracked, and the roads."""
+"""Raw motion, sizes and choice of simulated or recorded vehicles, and the edges of lanes."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from trackbench.truth.config import FixedObserver, IdTargets, NearestTargets, Ve
 
 @dataclass(frozen=True)
 class Frames:
-    """Raw motion of every body at the start of each simulation step, ``(steps, bodies)``; NaN where it is absent."""
+    """Raw motion of every body at the start of each simulation step, ``(steps, bodies)``; NaN where absent."""
 
     dt: float
-    """s."""
+    """Time of a step, s."""
     ids: tuple[str, ...]
     px: Array
     py: Array
     heading: Array
-    """rad."""
+    """Heading, rad."""
     slip: Array
     """Course minus heading during the step that starts here, rad."""
     speed: Array
-    """Along the course; negative in reverse, m/s."""
+    """Speed along the course, m/s; negative in reverse."""
     collided: Mask
-    """After a collision."""
+    """True after a collision."""
     length: Array
     """``(bodies,)`` m."""
     width: Array
@@ -43,7 +43,7 @@ class Frames:
         return np.isfinite(self.px)
 
     def truth(self, bodies: Sequence[int], observer: Observer) -> Truth:
-        """The truth of the bodies with these numbers: course along the motion, speed not negative."""
+        """Return the truth of some bodies, with the course along the motion and speeds that are not negative."""
         chosen = list(bodies)
         alive = self.alive[:, chosen]
         heading, slip, speed = (hold_nearest(a[:, chosen], alive) for a in (self.heading, self.slip, self.speed))
@@ -65,7 +65,7 @@ class Frames:
         )
 
     def carrier(self, body: int) -> Observer:
-        """The observer that rides on a body."""
+        """Return the observer mounted on a body."""
         course = self.heading[:, body] + self.slip[:, body]
         alive = self.alive[:, body, None]
         return Observer(
@@ -81,14 +81,14 @@ class Frames:
 
 
 def fixed_observer(observer: FixedObserver, steps: int) -> Observer:
-    """A point at rest."""
+    """Return an observer at a fixed point."""
     at_rest = np.zeros(steps)
     yaw = np.deg2rad(observer.yaw_deg)
     return Observer(at_rest + observer.x, at_rest + observer.y, at_rest + yaw, at_rest, at_rest, at_rest)
 
 
 def hold_nearest(values: Array, alive: Mask) -> Array:
-    """``values`` with the nearest living value held before a body appears and after it has left."""
+    """Return ``values`` with the nearest living value before a body appears and after it has left."""
     steps = np.arange(len(values))[:, None]
     first = np.argmax(alive, axis=0)
     last = len(values) - 1 - np.argmax(alive[::-1], axis=0)
@@ -96,27 +96,26 @@ def hold_nearest(values: Array, alive: Mask) -> Array:
 
 
 def rate(values: Array, dt: float, alive: Mask) -> Array:
-    """Rate of change over the step that starts at each frame; a body's last frame keeps the one before.
+    """Return the rate of change over the step that starts at each frame; a body's last frame repeats the previous rate.
 
-    The step that starts at a frame, not the one that ends there, because the simulator integrates by Euler's
-    explicit rule: what holds at a frame acts until the next.
+    The simulator integrates by Euler's explicit rule: the rate at a frame acts until the next frame.
     """
     slope = np.zeros_like(values)
     slope[:-1] = np.diff(values, axis=0) / dt
-    both_ends = np.zeros_like(alive)
-    both_ends[:-1] = alive[:-1] & alive[1:]
-    return np.where(both_ends.any(axis=0), hold_nearest(slope, both_ends), 0.0)
+    is_present_at_both_ends = np.zeros_like(alive)
+    is_present_at_both_ends[:-1] = alive[:-1] & alive[1:]
+    return np.where(is_present_at_both_ends.any(axis=0), hold_nearest(slope, is_present_at_both_ends), 0.0)
 
 
-#: Length and width, m. highway-env's drivers leave 10 m from centre to centre at rest: a longer truck would touch.
+#: Length and width, m. highway-env's drivers stop 10 m from centre to centre, so a longer truck would touch.
 VAN, TRUCK = (7.0, 2.0), (10.0, 2.5)
 
 
 def with_sizes(frames: Frames, shares: VehicleSizes, seed: int) -> Frames:
-    """The frames with some bodies the size of vans and trucks; the ego keeps its own.
+    """Return the frames with some bodies in the size of vans and trucks; the ego keeps its size.
 
-    Each body's size depends on the seed and its name alone. The motion stays as it was: in highway-env the length is
-    also the wheelbase, and drivers look from centre to centre, so that another size would make another drive.
+    A body's size depends only on the seed and its name. The motion is unchanged: in highway-env the length is also the
+    wheelbase, and drivers measure gaps from centre to centre, so that another size would change the drive.
     """
     length, width = frames.length.copy(), frames.width.copy()
     for body, name in enumerate(frames.ids):
@@ -129,10 +128,10 @@ def with_sizes(frames: Frames, shares: VehicleSizes, seed: int) -> Frames:
 def target_bodies(
     targets: Literal["all"] | NearestTargets | IdTargets, frames: Frames, observer: Observer, carrier: int | None
 ) -> list[int]:
-    """The bodies that are tracked; none where there are no others than ``carrier``, on which the observer rides.
+    """Return the tracked bodies, without ``carrier``, on which the observer is mounted.
 
     Raises:
-        InputError: one of them is not in the scene.
+        InputError: a named target is not in the scene.
     """
     bodies = [i for i in range(len(frames.ids)) if i != carrier]
     if isinstance(targets, IdTargets):
@@ -154,10 +153,10 @@ def target_bodies(
 def bodies_near(
     limit: float, frames: Frames, observer: Observer, named: Sequence[int], carrier: int | None
 ) -> list[int]:
-    """With hidden identities the bodies of the truth: all that a sensor might reach, and those that are named.
+    """Return the bodies that a sensor might reach and the named bodies, for hidden identities.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no such body.
     """
     near = _least_distance(frames, observer) <= limit
     bodies = [i for i in range(len(frames.ids)) if i in named or (near[i] and i != carrier)]
@@ -167,34 +166,34 @@ def bodies_near(
 
 
 def _least_distance(frames: Frames, observer: Observer) -> Array:
-    """``(bodies,)`` m, over the time that each is there."""
+    """Return the smallest distance from the observer, ``(bodies,)`` m, over each body's presence."""
     distance = np.hypot(frames.px - observer.px[:, None], frames.py - observer.py[:, None])
     return np.asarray(np.nanmin(distance, axis=0))
 
 
-#: How often boxes are compared, s.
+#: Period at which boxes are compared, s.
 OFTEN_S = 0.2
 
 
 def overlaps(frames: Frames, margin: float) -> Mask:
     """Return ``(bodies, bodies)`` whether the boxes of two bodies ever come nearer than ``margin``, m.
 
-    With a negative margin the boxes are so far inside each other, along and across.
+    With a negative margin, whether they ever overlap by more than that, both along and across.
     """
     bodies = len(frames.ids)
     result = np.zeros((bodies, bodies), dtype=bool)
     for step in range(0, len(frames.px), max(1, round(OFTEN_S / frames.dt))):
-        there = np.flatnonzero(frames.alive[step])
-        x, y, heading = frames.px[step, there], frames.py[step, there], frames.heading[step, there]
+        present = np.flatnonzero(frames.alive[step])
+        x, y, heading = frames.px[step, present], frames.py[step, present], frames.heading[step, present]
         dx, dy = x - x[:, None], y - y[:, None]
         c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-        half_length, half_width = frames.length[there] / 2, frames.width[there] / 2
-        # What the other body takes along and across this one.
+        half_length, half_width = frames.length[present] / 2, frames.width[present] / 2
+        # Extent of the other body along and across this body.
         even, turned = np.abs(c * c.T + s * s.T), np.abs(c * s.T - s * c.T)
         along = half_length[:, None] + even * half_length + turned * half_width
         across = half_width[:, None] + turned * half_length + even * half_width
-        near = (np.abs(c * dx + s * dy) < along + margin) & (np.abs(c * dy - s * dx) < across + margin)
-        result[np.ix_(there, there)] |= near & near.T
+        is_near = (np.abs(c * dx + s * dy) < along + margin) & (np.abs(c * dy - s * dx) < across + margin)
+        result[np.ix_(present, present)] |= is_near & is_near.T
     np.fill_diagonal(result, False)
     return result
 
@@ -205,9 +204,9 @@ STRAIGHT_M = 1e-3
 
 
 def lane_edges(lanes: Iterable[Any], px: Array, py: Array) -> tuple[Array, ...]:
-    """The marked edges of highway-env's ``lanes`` within 100 m of the positions, each ``(points, 2)`` m.
+    """Return the marked edges of highway-env's ``lanes`` within 100 m of the positions, each ``(points, 2)`` m.
 
-    Positions and edges are in the fixed frame, whose y is the simulator's turned up.
+    Positions and edges are in the fixed frame, whose y points opposite to the simulator's.
     """
     low = np.array([px.min(), py.min()]) - MARGIN_M
     high = np.array([px.max(), py.max()]) + MARGIN_M
@@ -217,22 +216,21 @@ def lane_edges(lanes: Iterable[Any], px: Array, py: Array) -> tuple[Array, ...]:
             if kind:
                 s = np.linspace(0.0, lane.length, max(2, int(np.ceil(lane.length / SPACING_M)) + 1))
                 points = np.array([lane.position(at, side * lane.width_at(at)) for at in s]) * (1.0, -1.0)
-                for part in _parts(points, np.all((points >= low) & (points <= high), axis=1)):
-                    line = _simplified(part)
+                for part in _runs_inside(points, np.all((points >= low) & (points <= high), axis=1)):
+                    line = _without_collinear_points(part)
                     edges.setdefault(tuple(np.round(line, 1).ravel().tolist()), line)
     return tuple(edges.values())
 
 
-def _parts(points: Array, inside: Mask) -> list[Array]:
-    """The runs of consecutive points that are inside, each of at least two points."""
+def _runs_inside(points: Array, inside: Mask) -> list[Array]:
+    """Return the runs of at least two consecutive points that are inside."""
     breaks = np.flatnonzero(np.diff(inside.astype(int))) + 1
     runs = zip(np.split(points, breaks), np.split(inside, breaks), strict=True)
     return [run for run, kept in runs if kept[0] and len(run) > 1]
 
 
-def _simplified(line: Array) -> Array:
-    """Without the points that lie on the line between their neighbours."""
+def _without_collinear_points(line: Array) -> Array:
     before, after = line[1:-1] - line[:-2], line[2:] - line[1:-1]
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    corner = np.abs(turn) > STRAIGHT_M * SPACING_M
-    return line[np.concatenate(([True], corner, [True]))]
+    is_corner = np.abs(turn) > STRAIGHT_M * SPACING_M
+    return line[np.concatenate(([True], is_corner, [True]))]

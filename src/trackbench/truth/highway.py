@@ -1,4 +1,4 @@
-"""Ground truth from highway-env: the only module that knows it and gymnasium."""
+"""Ground truth from highway-env. Only this package imports highway-env and gymnasium."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from trackbench.truth.drivers import HUMAN, Traffic
     from trackbench.truth.environment import Control, Recorder, complete, rates_at_instants, steered
 
-#: Observing costs half of a step, and nothing here looks at what the environment observes.
+#: Cheapest observation: observing takes half of a step, and nothing here uses observations.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
-#: Attributes of the driver model's classes that intersections write.
+#: Attributes of the driver model's classes that intersections overwrite.
 TUNED = ("DISTANCE_WANTED", "COMFORT_ACC_MAX", "COMFORT_ACC_MIN")
 DriverModel = dict[tuple[type[Any], str], Any]
 NOT_FOR_IDM = {ParkingEnv: "has no lanes to follow", LaneKeepingEnv: "needs its own dynamic vehicle"}
@@ -60,7 +60,7 @@ ACTIONS = (
 
 
 def list_envs() -> list[str]:
-    """The registered highway-env ids."""
+    """List the registered highway-env ids."""
     return sorted(name for name, spec in gymnasium.registry.items() if str(spec.entry_point).startswith("highway_env"))
 
 
@@ -68,7 +68,7 @@ def validate(config: HighwayOptions) -> None:
     """Set the environment up without simulating it.
 
     Raises:
-        InputError: an unknown id or key, a value of the wrong type, rates that do not divide.
+        InputError: unknown id or key, a value of the wrong type, rates that do not divide.
     """
     with isolated():
         prepare_env(config).close()
@@ -78,17 +78,17 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     """Run the environment and record every simulation step of every vehicle.
 
     Args:
-        config: what to simulate.
-        progress: called with the number of steps done and of all.
+        config: environment and options.
+        progress: called with the number of simulated steps and the number of all steps.
 
     Raises:
-        InputError: see `validate`; a target that never appears; an audit that is told to refuse.
+        InputError: see `validate`; a target never appears; the audit refuses the motion.
     """
     steps = step_count(config)
     with isolated():
         env = prepare_env(config)
         recorder = Recorder(env, control_of(env, config))
-        action = _neutral(env.action_type)
+        action = _neutral_action(env.action_type)
         ended = None
         try:
             while len(recorder.frames) < steps and ended is None:
@@ -104,14 +104,14 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     frames = recorder.result(steps, 1.0 / config.rate_hz)
     if config.sizes is not None:
         frames = with_sizes(frames, config.sizes, config.seed)
-    early = None
+    ended_early = None
     if len(frames.px) < steps:
-        early = EndedEarly(time_s=(len(frames.px) - 1) * frames.dt, reason=ended or "")
-    return _truth(config, frames, env.road.network.lanes_list(), early)
+        ended_early = EndedEarly(time_s=(len(frames.px) - 1) * frames.dt, reason=ended or "")
+    return _truth(config, frames, env.road.network.lanes_list(), ended_early)
 
 
 def step_count(config: HighwayOptions) -> int:
-    """Return the number of steps of the truth, that of time 0 and that of the end included."""
+    """Return the number of steps of the truth, including time 0 and the end."""
     return math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
 
 
@@ -142,7 +142,7 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
 
 
 def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
-    """What is done to each vehicle when it appears; None where it stays as the environment makes it."""
+    """Return the function called with each new vehicle; None if vehicles stay unchanged."""
     if config.drivers == "human":
         return Traffic(env, HUMAN, config)
     rate = config.steering_rate_degps
@@ -150,7 +150,7 @@ def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
 
 
 def prepare_env(config: HighwayOptions) -> AbstractEnv:
-    """The environment, reset and with the ego's driver in place."""
+    """Return the environment after its reset, with the ego's driver."""
     ids = list_envs()
     if config.env not in ids:
         raise InputError(f"unknown highway-env id {config.env!r}; {nearest_choices(config.env, ids)}", key="truth.env")
@@ -194,14 +194,13 @@ def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any
 
 
 def _parameters(cls: type) -> set[str]:
-    """The named arguments of a class and of its bases, which they are passed on to."""
+    """Return the named arguments of a class and of its bases, to which it passes them on."""
     constructors = (vars(base)["__init__"] for base in cls.__mro__[:-1] if "__init__" in vars(base))
     named = (p for init in constructors for p in inspect.signature(init).parameters.values())
     return {p.name for p in named if p.kind is not p.VAR_KEYWORD} - {"self", "env"}
 
 
 def _let_idm_drive(env: AbstractEnv, name: str) -> None:
-    """Put an IDM/MOBIL driver in the place of every controlled vehicle; it stays the environment's ego."""
     for kind, reason in NOT_FOR_IDM.items():
         if isinstance(env, kind):
             raise InputError(f"{name} {reason}; write ego: idle", key="truth.ego")
@@ -219,10 +218,9 @@ def _let_idm_drive(env: AbstractEnv, name: str) -> None:
     env.define_spaces()
 
 
-def _neutral(kind: actions.ActionType) -> Any:
-    """The action that keeps speed and lane, or that neither accelerates nor steers."""
+def _neutral_action(kind: actions.ActionType) -> Any:
     if isinstance(kind, actions.MultiAgentAction):
-        return tuple(_neutral(agent) for agent in kind.agents_action_types)
+        return tuple(_neutral_action(agent) for agent in kind.agents_action_types)
     if isinstance(kind, actions.DiscreteMetaAction):
         return kind.actions_indexes["IDLE"]
     if isinstance(kind, actions.DiscreteAction):
@@ -238,27 +236,27 @@ def _reason(env: AbstractEnv, truncated: bool) -> str:
 
 
 @contextlib.contextmanager
-def isolated(own: DriverModel | None = None) -> Iterator[None]:
-    """Let no warning, no message and no change of highway-env's driver model leak out.
+def isolated(driver_model: DriverModel | None = None) -> Iterator[None]:
+    """Suppress warnings and messages of highway-env, and undo its changes of the driver model.
 
-    Intersections tune the driver model by writing to the attributes of its class, so that without this a scenario's
-    truth would depend on which scenarios ran before it.
+    Intersections write to attributes of the driver model's class. Without this context a scenario's truth would depend
+    on earlier scenarios.
 
     Args:
-        own: the driver model that an environment has written before, which holds meanwhile; updated.
+        driver_model: driver model of an environment, valid inside the context; updated at its end.
     """
     log = logging.getLogger("highway_env")
     level, before = log.level, _driver_model()
     log.setLevel(logging.CRITICAL)
-    _set_driver_model(own or {})
+    _set_driver_model(driver_model or {})
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
         log.setLevel(level)
-        if own is not None:
-            own.update(_driver_model())
+        if driver_model is not None:
+            driver_model.update(_driver_model())
         _set_driver_model(before)
 
 

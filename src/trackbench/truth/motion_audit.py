@@ -1,4 +1,4 @@
-"""What a recording implies of its vehicles' motion, before and after it is smoothed, and what no vehicle does."""
+"""Figures of the motion in a recording, before and after smoothing, and refusal of impossible motion."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from trackbench.truth.frames import Frames, overlaps
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
 from trackbench.truth.smoothing import GridTrack
 
-#: No tyre holds more, m/s^2: a coefficient of friction of 0.9 on dry asphalt (Wong, Theory of Ground Vehicles, section
-#: 1.3) is 8.8.
+#: Largest acceleration of a tyre, m/s^2: a coefficient of friction of 0.9 on dry asphalt (Wong, Theory of Ground
+#: Vehicles, section 1.3) gives 8.8.
 POSSIBLE_MPS2 = 9.0
-#: Faster than this a vehicle points where it drives, m/s, but for a slip of less than so much, rad.
+#: Speed above which a vehicle points where it drives, m/s, and largest slip angle then, rad.
 ROLLING_MPS, LARGEST_SLIP = 3.0, np.radians(30.0)
-#: Smoothing that moves a vehicle further hides a jump, m: it moves one that brakes as hard as it can by 1.
+#: Largest shift by smoothing, m; a larger one hides a jump. A vehicle that brakes at its limit is shifted by 1 m.
 LARGEST_SHIFT_M = 1.5
-#: Speeds that a file states are so far off the motion, m/s (RMS of a vehicle), in another unit, or where it jumps.
+#: Largest RMS difference of stated speeds and motion, m/s; a larger one shows a wrong unit or a jump.
 LARGEST_SPEED_ERROR_MPS = 3.0
-#: Boxes that are this far inside each other are two vehicles in one place, m.
+#: Overlap of boxes above which two vehicles are in one place, m.
 OVERLAP_M = 0.5
 SMOOTHER = "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
 
 
 class MotionFigures(NamedTuple):
-    """Accelerations, speed errors and jumps that the positions and speeds of a recording imply."""
+    """Accelerations, speed errors and jumps implied by the positions and speeds of a recording."""
 
     recorded_acceleration_mps2: float
-    """Largest change of the speed that the file states, over a step."""
+    """Largest change of the stated speed over a step."""
     recorded_vehicle: str
     recorded_speed_error_mps: float
-    """Root mean square of the displacement over a step minus the speed that the file states."""
+    """Root mean square of displacement over a step minus stated speed."""
     recorded_jumps: int
-    """Number of steps in which the displacement changes by more than ``IMPOSSIBLE_MPS2`` would do."""
+    """Number of steps whose displacement changes by more than ``IMPOSSIBLE_MPS2`` allows."""
     acceleration_mps2: float
-    """Largest acceleration of the motion as it is used."""
+    """Largest acceleration of the motion in use."""
     vehicle: str
     time_s: float
     impossible: int
-    """Number of vehicles that ever accelerate by more than ``POSSIBLE_MPS2``."""
+    """Number of vehicles whose acceleration ever exceeds ``POSSIBLE_MPS2``."""
 
 
 def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float) -> MotionFigures:
-    """Return the figures of all vehicles; times count from ``start``, s, and ``dt`` is the time of a step, s."""
+    """Return the figures of all vehicles; times count from ``start``, s, and a step takes ``dt`` s."""
     used = [np.hypot(np.diff(track.vx), np.diff(track.vy)) / dt for track in tracks]
     recorded = np.array([np.abs(np.diff(track.raw_speed)).max() / dt for track in tracks])
     peaks = np.array([values.max() for values in used])
@@ -67,45 +67,44 @@ def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float) -> Moti
 
 
 def _displacement_error(x: Array, y: Array, speed: Array, dt: float) -> Array:
-    """``(steps - 1,)`` displacement over each step minus the mean speed, m/s."""
+    """Return displacement over each step minus mean speed, ``(steps - 1,)`` m/s."""
     return np.asarray(np.hypot(np.diff(x) / dt, np.diff(y) / dt) - (speed[1:] + speed[:-1]) / 2)
 
 
 def _slip(track: GridTrack, dt: float) -> float:
-    """Median angle between the heading that the file states and the displacement, rad, while the vehicle rolls."""
+    """Return the median angle between stated heading and displacement, rad, while the vehicle rolls."""
     dx, dy = np.diff(track.x), np.diff(track.y)
-    rolling = np.hypot(dx, dy) > ROLLING_MPS * dt
-    if track.track.heading is None or not rolling.any():
+    is_rolling = np.hypot(dx, dy) > ROLLING_MPS * dt
+    if track.track.heading is None or not is_rolling.any():
         return 0.0
-    return float(np.median(np.abs(wrap_angle(np.arctan2(dy, dx) - track.heading[:-1])[rolling])))
+    return float(np.median(np.abs(wrap_angle(np.arctan2(dy, dx) - track.heading[:-1])[is_rolling])))
 
 
 def _speed_error(track: GridTrack, dt: float) -> float:
-    """Root mean square of the speed that the file states minus that of the displacement; 0 where it states none."""
+    """Return the RMS of the stated speed minus displacement over time, m/s; 0 if no speed is stated."""
     if track.track.speed is None:
         return 0.0
     return float(np.sqrt(np.mean(_displacement_error(track.x, track.y, np.abs(track.raw_speed), dt) ** 2)))
 
 
-def _shift(track: GridTrack, _: float) -> float:
-    """Largest distance by which smoothing moves the vehicle, m."""
+def _largest_shift(track: GridTrack, _: float) -> float:
     return float(np.hypot(track.raw_x - track.x, track.raw_y - track.y).max())
 
 
 def refuse_impossible(
     used: MotionFigures, tracks: Sequence[GridTrack], frames: Frames | None, dt: float, smooths: bool
 ) -> None:
-    """Refuse what no vehicle does.
+    """Refuse motion that is impossible for a vehicle.
 
     Args:
-        used: figures of the motion as it is used.
+        used: figures of the motion in use.
         tracks: all vehicles.
-        frames: the same, where they drove at the same time.
+        frames: frames of all vehicles, if they drove at the same time.
         dt: time of a step, s.
         smooths: whether positions were smoothed.
 
     Raises:
-        InputError: with the figure, and how to override.
+        InputError: some motion is impossible; the message has the figure and the way to override.
     """
     smoother = "smooth longer" if smooths else SMOOTHER
 
@@ -129,7 +128,7 @@ def refuse_impossible(
     if off > LARGEST_SPEED_ERROR_MPS:
         what = f"the speeds that the file states of {name} are {off:.2g} m/s (RMS) off its motion"
         refuse(what, f"check their unit, such as units: {{speed: kmph}}; {smoother}")
-    shift, name = largest(_shift)
+    shift, name = largest(_largest_shift)
     if shift > LARGEST_SHIFT_M:
         what = f"{name} jumps: smoothing moves it by {shift:.2g} m, and at most {LARGEST_SHIFT_M:g} m is noise"
         refuse(what, "smooth a shorter time", "smoothing")

@@ -1,4 +1,4 @@
-"""Truth from a script: closed forms, and motion models driven by drawn noise."""
+"""Ground truth from a script: closed forms, and motion models driven by random noise."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from trackbench.truth.config.scripted import Piece, ScriptedBody, ScriptedStart
 
 Generators = Sequence[np.random.Generator]
 
-#: Numbers of steps, objects and runs whose product still fits the memory of a small machine (400 bytes each in a run).
+#: Largest product of steps, objects and runs that fits the memory of a small machine (400 bytes each in a run).
 LARGEST = 20_000_000
 
-#: A steady piece has no noise, so the sigmas mean nothing.
+#: Model of steady pieces, which have no noise, so that the sigmas have no effect.
 STEADY = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sigma_radps2=1.0)
 
 
 def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Truth:
-    """The motion that a script describes; with random motion in it, that of every run.
+    """Return the motion of a script; with random motion, of every run.
 
     Raises:
-        InputError: an object is to pass through waypoints, but stands still; random motion in more runs than fit.
+        InputError: an object with waypoints stands still; random motion in more runs than fit.
     """
-    steps, most = _steps(config), most_runs(config)
-    if config.random and runs > most:
-        raise InputError(f"random motion is kept for all runs at once; at most {most} fit", key="monte_carlo.runs")
+    steps, largest = _steps(config), most_runs(config)
+    if config.random and runs > largest:
+        raise InputError(f"random motion is kept for all runs at once; at most {largest} fit", key="monte_carlo.runs")
     time = np.arange(steps + 1) / config.rate_hz
     paths = []
     for name, body in config.objects.items():
@@ -44,16 +44,16 @@ def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Trut
         np.stack([np.broadcast_to(field, (steps + 1, size)) for field in fields], axis=1)
         for fields in zip(*paths, strict=True)
     )
-    backward = speed < 0.0
+    is_backward = speed < 0.0
     truth = Truth(
         time=time,
         ids=tuple(config.objects),
         px=px,
         py=py,
         heading=wrap_angle(heading),
-        course=wrap_angle(heading + np.where(backward, np.pi, 0.0)),
+        course=wrap_angle(heading + np.where(is_backward, np.pi, 0.0)),
         speed=np.abs(speed),
-        acceleration=np.where(backward, -acceleration, acceleration),
+        acceleration=np.where(is_backward, -acceleration, acceleration),
         yaw_rate=yaw_rate,
         alive=np.ones((steps + 1, len(paths)), dtype=bool),
         length=np.array([body.length_m for body in config.objects.values()]),
@@ -66,7 +66,7 @@ def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Trut
 
 
 def most_runs(config: ScriptedOptions) -> int:
-    """The number of runs whose motion, if it is random, fits the memory."""
+    """Return the largest number of runs whose random motion fits the memory."""
     return LARGEST // ((_steps(config) + 1) * len(config.objects))
 
 
@@ -75,18 +75,18 @@ def _steps(config: ScriptedOptions) -> int:
 
 
 def _path(body: ScriptedBody, key: str, steps: int, rate: int, random: Generators) -> Kinematics:
-    """The motion of one body, each ``(steps + 1, runs or 1)``; the speed is negative in reverse."""
+    """Return the motion of one body, each ``(steps + 1, runs or 1)``; the speed is negative in reverse."""
     state = _start(body.start, max(1, len(random)))
     parts: list[Kinematics] = []
-    left = steps
+    steps_left = steps
     for index, piece in enumerate(body.pieces):
-        count = left if piece.for_s is None else min(left, round(piece.for_s * rate))
-        left -= count
+        count = steps_left if piece.for_s is None else min(steps_left, round(piece.for_s * rate))
+        steps_left -= count
         if piece.waypoints is not None and piece.speed_mps is None and not np.all(state.speed):
-            where = f"{key}.pieces.{index}.speed_mps"
-            raise InputError("missing: it stands still when this piece starts", key=where)
+            option = f"{key}.pieces.{index}.speed_mps"
+            raise InputError("missing: it stands still when this piece starts", key=option)
         part, state = _follow(piece, state, count, 1.0 / rate, random)
-        # What holds at the end of a piece is said by the next one.
+        # The next piece starts at the end of this piece.
         parts.append(part if index == len(body.pieces) - 1 else Kinematics(*(field[:-1] for field in part)))
     return Kinematics(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
@@ -94,21 +94,21 @@ def _path(body: ScriptedBody, key: str, steps: int, rate: int, random: Generator
 def _follow(
     piece: Piece, state: Kinematics, count: int, dt: float, random: Generators
 ) -> tuple[Kinematics, Kinematics]:
-    """The motion at the ``count + 1`` steps of a piece, and that which the next one goes on from."""
+    """Return the motion at the ``count + 1`` steps of a piece, and the state from which the next piece starts."""
     elapsed = np.arange(count + 1, dtype=np.float64) * dt
     if piece.waypoints is not None:
-        return _along(np.array(piece.waypoints), piece.speed_mps, state, elapsed)
+        return _polyline(np.array(piece.waypoints), piece.speed_mps, state, elapsed)
     if piece.white is not None:
         model = piece.white.motion
-        return _drawn(model, np.array(model.noise_sigma), state, count, dt, random)
+        return _driven_by_noise(model, np.array(model.noise_sigma), state, count, dt, random)
     if piece.white_acceleration is not None:
         sigma = np.array([piece.white_acceleration.x_sigma_mps2, piece.white_acceleration.y_sigma_mps2])
-        return _drawn(ConstantVelocity(acceleration_sigma_mps2=1.0), sigma, state, count, dt, random)
+        return _driven_by_noise(ConstantVelocity(acceleration_sigma_mps2=1.0), sigma, state, count, dt, random)
     return _steady(piece, state, elapsed)
 
 
 def _steady(piece: Piece, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
-    """Constant turn rate and acceleration along the path, to a standstill if it is to stop there."""
+    """Move with constant turn rate and acceleration along the path, up to a standstill if the piece asks for one."""
     begin = STEADY.from_kinematics(
         state._replace(
             acceleration=np.full_like(state.px, piece.acceleration_mps2),
@@ -118,19 +118,18 @@ def _steady(piece: Piece, state: Kinematics, elapsed: Array) -> tuple[Kinematics
     stop = np.full_like(state.px, np.inf)
     if piece.until_stop:
         stop = np.where(state.speed >= 0.0, state.speed / -piece.acceleration_mps2, np.inf)
-    # Each from the start of the piece: no rounding adds up.
+    # Each step is computed from the start of the piece, so that rounding does not add up.
     driven = np.minimum(elapsed[:, None], stop)
     px, py, speed, heading, yaw_rate, acceleration = STEADY.transition(begin[:, None], driven)
-    stands = elapsed[:, None] >= stop
-    speed, acceleration, yaw_rate = (np.where(stands, 0.0, rate) for rate in (speed, acceleration, yaw_rate))
+    is_standing = elapsed[:, None] >= stop
+    speed, acceleration, yaw_rate = (np.where(is_standing, 0.0, rate) for rate in (speed, acceleration, yaw_rate))
     path = Kinematics(px, py, speed, heading, acceleration, yaw_rate)
     return path, _last(path)
 
 
-def _drawn(
+def _driven_by_noise(
     model: MotionModel, sigma: Array, state: Kinematics, count: int, dt: float, random: Generators
 ) -> tuple[Kinematics, Kinematics]:
-    """A motion model driven by noise, which is constant from one step to the next."""
     draws = [generator.standard_normal((count + 1, len(sigma))) for generator in random]
     noise = sigma[:, None] * np.stack(draws, axis=-1)
     states = [model.from_kinematics(state)]
@@ -141,26 +140,26 @@ def _drawn(
     return path, model.to_kinematics(states[-1], np.zeros_like(noise[0]), path.course[-1])
 
 
-def _along(points: Array, speed: float | None, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
-    """Straight from where the object is to each of the ``(points, 2)`` in turn, and straight on after the last."""
+def _polyline(points: Array, speed: float | None, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
+    """Move straight from point to point of ``(points, 2)``, and straight on after the last."""
     pace = np.abs(state.speed) if speed is None else np.full_like(state.px, speed)
-    ways = np.broadcast_to(points[:, :, None], (*points.shape, len(state.px)))
-    corners = np.concatenate([np.stack([state.px, state.py])[None], ways])
+    waypoints = np.broadcast_to(points[:, :, None], (*points.shape, len(state.px)))
+    corners = np.concatenate([np.stack([state.px, state.py])[None], waypoints])
     legs = np.diff(corners, axis=0)
     length = np.hypot(legs[:, 0], legs[:, 1])
     reached = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)])
     course = np.arctan2(legs[:, 1], legs[:, 0])
-    gone = pace * elapsed[:, None]
-    # The leg that begins at the last corner passed, of those that have a length.
-    begun = (gone[:, None] >= reached[:-1] * (1.0 - 1e-12)) & (length > 0.0)
-    leg = np.where(begun.any(axis=1), len(legs) - 1 - np.argmax(begun[:, ::-1], axis=1), -1)
+    distance = pace * elapsed[:, None]
+    # The leg with a length that begins at the last passed corner.
+    has_begun = (distance[:, None] >= reached[:-1] * (1.0 - 1e-12)) & (length > 0.0)
+    leg = np.where(has_begun.any(axis=1), len(legs) - 1 - np.argmax(has_begun[:, ::-1], axis=1), -1)
     runs = np.arange(len(state.px))
     heading = np.where(leg < 0, state.course, course[leg, runs])
-    rest = gone - np.where(leg < 0, 0.0, reached[leg, runs])
+    rest = distance - np.where(leg < 0, 0.0, reached[leg, runs])
     px = np.where(leg < 0, state.px, corners[leg, 0, runs]) + rest * np.cos(heading)
     py = np.where(leg < 0, state.py, corners[leg, 1, runs]) + rest * np.sin(heading)
-    still = np.zeros_like(gone)
-    path = Kinematics(px, py, pace + still, heading, still, still)
+    zeros = np.zeros_like(distance)
+    path = Kinematics(px, py, pace + zeros, heading, zeros, zeros)
     return path, _last(path)
 
 
@@ -177,18 +176,18 @@ def _start(start: ScriptedStart, runs: int) -> Kinematics:
     return Kinematics(*(np.full(runs, float(value)) for value in (start.x, start.y, speed, course, 0.0, 0.0)))
 
 
-def _observer(of: MovingObserver | ScriptedObserver, time: Array, rate: int) -> Observer:
-    if isinstance(of, ScriptedObserver):
-        path = _path(of, "truth.observer", len(time) - 1, rate, ())
+def _observer(config: MovingObserver | ScriptedObserver, time: Array, rate: int) -> Observer:
+    if isinstance(config, ScriptedObserver):
+        path = _path(config, "truth.observer", len(time) - 1, rate, ())
         px, py, speed, heading, _, yaw_rate = (field[:, 0] for field in path)
         vx, vy = speed * np.cos(heading), speed * np.sin(heading)
-        return Observer(px, py, wrap_angle(heading), vx, vy, yaw_rate, of.length_m, of.width_m)
-    turn = np.deg2rad(of.turn_rate_degps)
+        return Observer(px, py, wrap_angle(heading), vx, vy, yaw_rate, config.length_m, config.width_m)
+    turn = np.deg2rad(config.turn_rate_degps)
     return Observer(
-        px=of.x + of.vx_mps * time,
-        py=of.y + of.vy_mps * time,
-        yaw=wrap_angle(np.deg2rad(of.yaw_deg) + turn * time),
-        vx=np.full_like(time, of.vx_mps),
-        vy=np.full_like(time, of.vy_mps),
+        px=config.x + config.vx_mps * time,
+        py=config.y + config.vy_mps * time,
+        yaw=wrap_angle(np.deg2rad(config.yaw_deg) + turn * time),
+        vx=np.full_like(time, config.vx_mps),
+        vy=np.full_like(time, config.vy_mps),
         yaw_rate=np.full_like(time, turn),
     )

@@ -1,4 +1,4 @@
-"""Simulated truth, from the cache if it is there."""
+"""Simulated ground truth, read from the cache if possible."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ log = logging.getLogger(__name__)
 
 
 def cache_file(config: HighwayOptions) -> Path:
-    """The file of the truth that ``config`` and the installed versions determine."""
+    """Return the cache file of the truth that ``config`` and the installed versions determine."""
     return cache_folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
 
 
 def stored(config: HighwayOptions) -> LoadedTruth | None:
-    """Return the truth from the cache; None where it is not there, is damaged, or may have changed."""
+    """Return the truth from the cache; None if it is missing, damaged, or possibly outdated."""
     file = cache_file(config)
     if not _determined(config) or not file.exists():
         return None
@@ -53,7 +53,7 @@ def _key(config: HighwayOptions) -> str:
 
 
 def motion_files() -> list[Path]:
-    """List the source files that determine the motion and how it is stored: a change of one makes other truths."""
+    """List the source files that determine the motion and its stored form; a change makes a new truth."""
     below = (Path(str(module.__file__)) for module in (streams, types, units))
     return [*sorted(Path(__file__).parent.glob("*.py")), *below]
 
@@ -77,9 +77,9 @@ def _unpacked(packed: bytes) -> Truth:
 
 
 def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
-    """Read the truth from the cache, or simulate and keep it."""
-    if cache and (kept := stored(config)) is not None:
-        return kept
+    """Read the truth from the cache, or simulate and cache it."""
+    if cache and (cached := stored(config)) is not None:
+        return cached
 
     from trackbench.truth import highway
 
@@ -95,6 +95,6 @@ def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> L
 
 
 def _determined(config: HighwayOptions) -> bool:
-    """Whether the configuration and the versions determine the truth: a user's own driver class may change."""
+    """Return whether options and versions determine the truth, which a user's own driver class may change."""
     vehicles = config.config.get("other_vehicles_type", OWN_CLASSES)
     return str(vehicles).startswith(OWN_CLASSES)

@@ -1,4 +1,4 @@
-"""Recorded tracks on a regular grid of times, smoothed, and what smoothing took away."""
+"""Recorded tracks on a regular grid of times, with smoothing and its residuals."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from trackbench.base.types import Array, RecordedNoise
 from trackbench.truth.config.traffic import Smoothing
 from trackbench.truth.tracks import TrafficTrack, longest_gap
 
-#: Slower than this a displacement has no direction that could be a heading, m/s.
+#: Speed below which the direction of a displacement is no heading, m/s.
 SLOW_MPS = 0.5
 
 
 class GridTrack(NamedTuple):
-    """The motion of one track at the times ``first * dt``, ``(first + 1) * dt``, ..."""
+    """Motion of one track at the times ``first * dt``, ``(first + 1) * dt``, ..."""
 
     track: TrafficTrack
     first: int
-    """Number of the grid's instant at which it begins."""
+    """Number of the grid's instant at which the track begins."""
     x: Array
     """``(steps,)`` m."""
     y: Array
@@ -38,28 +38,28 @@ class GridTrack(NamedTuple):
     raw_y: Array
     """``(steps,)`` m, as recorded."""
     raw_speed: Array
-    """``(steps,)`` m/s, as the file states it; where it does not, from the displacement."""
+    """``(steps,)`` m/s, as stated in the file, else from the displacement."""
 
 
 def grid_step(tracks: Sequence[TrafficTrack]) -> float:
-    """The time between two rows of a track, s: the median."""
+    """Return the median time between two rows of a track, s."""
     return float(np.median(np.concatenate([np.diff(track.time) for track in tracks])))
 
 
 def grid_tracks(tracks: Sequence[TrafficTrack], dt: float, smoothing: Smoothing | None) -> list[GridTrack]:
-    """The tracks on one grid of times, without those that have fewer than two of its instants.
+    """Return the tracks on one grid of times, without tracks on fewer than two of its instants.
 
-    Between rows they are interpolated linearly, which changes nothing where the rows lie on the grid.
+    Tracks are interpolated linearly between rows, which leaves rows on the grid unchanged.
 
     Args:
-        tracks: each with at least two rows.
-        dt: the grid's step, s.
-        smoothing: None: positions and speeds as recorded.
+        tracks: tracks with at least two rows each.
+        dt: step of the grid, s.
+        smoothing: options of the smoothing; None to keep positions and speeds as recorded.
     """
     result = []
     for track in tracks:
         for part in _without_gaps(track, dt):
-            # Rows are on the grid but for rounding of their times.
+            # Rows are on the grid up to the rounding of their times.
             first, last = int(np.ceil(part.time[0] / dt - 0.05)), int(np.floor(part.time[-1] / dt + 0.05))
             if last > first:
                 result.append(_on_grid(part, first, np.arange(first, last + 1, dtype=np.float64) * dt, dt, smoothing))
@@ -94,33 +94,33 @@ def _on_grid(track: TrafficTrack, first: int, times: Array, dt: float, smoothing
     if smoothing is not None and track.heading is not None:
         heading = smoothed(heading, dt, smoothing)[0]
     if smoothing is None and track.speed is not None:
-        # As recorded: the file's speed along the body, backwards where it moves so.
+        # As recorded: the file's speed along the body, which is negative in reverse.
         along = course if track.heading is None else heading
         vx, vy = raw_speed * np.cos(along), raw_speed * np.sin(along)
     return GridTrack(track, first, x, y, vx, vy, heading, raw_x, raw_y, raw_speed)
 
 
 def _course(vx: Array, vy: Array) -> Array:
-    """``(steps,)`` direction of motion, rad; while a body is slow, that of the nearest instant before, else after; 0 of
-    one that is always slow, whose displacement is noise."""
-    moving = np.hypot(vx, vy) > SLOW_MPS
-    if not moving.any():
+    """Return the direction of motion ``(steps,)`` rad, held while a body is slow; 0 for one that is always slow."""
+    is_moving = np.hypot(vx, vy) > SLOW_MPS
+    if not is_moving.any():
         return np.zeros(len(vx))
     steps = np.arange(len(vx))
-    latest = np.maximum.accumulate(np.where(moving, steps, -1))
-    chosen = np.where(latest < 0, int(np.argmax(moving)), latest)
+    latest = np.maximum.accumulate(np.where(is_moving, steps, -1))
+    chosen = np.where(latest < 0, int(np.argmax(is_moving)), latest)
     return np.asarray(np.unwrap(np.arctan2(vy, vx)[chosen]))
 
 
 def smoothed(values: Array, dt: float, smoothing: Smoothing) -> tuple[Array, Array]:
-    """Position and velocity, ``(steps,)`` each, from positions along one axis.
+    """Return position and velocity, ``(steps,)`` each, from recorded positions along one axis.
 
-    The velocity at an instant is the slope of the polynomial of its window; within half a window of the ends it is the
-    slope of the first or last window's polynomial there. A track shorter than the window has one polynomial. The
-    position is the integral of the velocity by the trapezoid, with the mean of the recorded positions.
+    The velocity at an instant is the slope of the polynomial through its window. Within half a window of the ends, the
+    first or last window's polynomial is used. A track shorter than the window has one polynomial. The position is the
+    integral of the velocity by the trapezoidal rule, with the mean of the recorded positions. With order 2 it equals
+    the mean of the recorded positions in the window, weighted by a parabola.
 
     Source of the slopes: Savitzky and Golay (1964), "Smoothing and differentiation of data by simplified least squares
-    procedures". With the order 2 the position so is the mean of those recorded, weighted by a parabola over the window.
+    procedures".
     """
     steps = len(values)
     size = min(2 * round((smoothing.window_s / dt - 1) / 2) + 1, steps)
@@ -137,13 +137,13 @@ def smoothed(values: Array, dt: float, smoothing: Smoothing) -> tuple[Array, Arr
 
 @lru_cache
 def _least_squares(size: int, order: int, dt: float) -> Array:
-    """``(size, order + 1)`` what a window's values are multiplied by to give the coefficients of its polynomial."""
+    """Return the factors ``(size, order + 1)`` that turn a window's values into polynomial coefficients."""
     powers = np.vander((np.arange(size) - size // 2) * dt, order + 1, increasing=True)
     return np.asarray(np.linalg.pinv(powers).T)
 
 
 def recorded_noise(tracks: Sequence[GridTrack]) -> RecordedNoise:
-    """Return the root mean square of what smoothing took from the positions per axis, and from the speeds."""
+    """Return the root mean squares of the smoothing's changes to positions, per axis, and to speeds."""
     shift = np.concatenate([np.concatenate([t.raw_x - t.x, t.raw_y - t.y]) for t in tracks])
     change = np.concatenate([t.raw_speed - np.hypot(t.vx, t.vy) for t in tracks])
     return RecordedNoise(float(np.sqrt(np.mean(shift**2))), float(np.sqrt(np.mean(change**2))))

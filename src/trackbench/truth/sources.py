@@ -1,6 +1,6 @@
-"""The built-in sources of truth: the options of each, and how its truth is had.
+"""Built-in sources of truth: each joins its options with the code that loads it.
 
-The simulator and the readers of files take a second to import, so nothing here imports them before they are needed.
+The simulator and the readers of files take a second to import, so they are imported only when needed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from trackbench.truth.base import Draw, LoadedTruth, TruthSource
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
 from trackbench.truth.config.traffic import BoxesOptions, TrafficOptions
 
-#: A recording is the same in every draw.
+#: Placeholder for a recording, which has no random motion.
 _ANY_DRAW = Draw(0, "", 1)
 
 
@@ -29,7 +29,7 @@ class HighwayTruth(HighwayOptions):
         return simulated.stored(self.scenes()[0])
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
-        # What is stored was set up and simulated with these options and versions.
+        # A cached truth has already been simulated with these options and versions.
         if self.stored() is None:
             from trackbench.truth import highway
 
@@ -37,7 +37,7 @@ class HighwayTruth(HighwayOptions):
 
 
 class ScriptedTruth(ScriptedOptions):
-    """Motion written down piece by piece, exact in position and velocity."""
+    """Scripted motion, exact in position and velocity."""
 
     def load(self, draw: Draw, **_: Any) -> LoadedTruth:
         return LoadedTruth(scripted.script(self, *draw))
@@ -48,19 +48,19 @@ class ScriptedTruth(ScriptedOptions):
 
 
 class _Recorded(TruthSource):
-    """What is read from files, and not made."""
+    """Truth source that reads files."""
 
     @property
     def quick(self) -> bool:
         return True
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
-        made = (scene.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors) for scene in self.scenes())
-        return [note for scene in made for note in scene.notes]
+        loaded = (scene.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors) for scene in self.scenes())
+        return [note for scene in loaded for note in scene.notes]
 
 
 class RecordingTruth(_Recorded, RecordingOptions):
-    """Motion from files, and measurements where they have them; each log is a scene."""
+    """Motion from files, with measurements if the files have them; each log is a scene."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
         from trackbench.truth import recorded
@@ -71,7 +71,7 @@ class RecordingTruth(_Recorded, RecordingOptions):
 
 
 class BoxesTruth(_Recorded, BoxesOptions):
-    """Boxes of a file, against which tracks of other files are scored."""
+    """Boxes in a file, against which tracks in other files are scored."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
         from trackbench.truth import boxes
@@ -80,7 +80,7 @@ class BoxesTruth(_Recorded, BoxesOptions):
 
 
 class TrafficTruth(_Recorded, TrafficOptions):
-    """Recorded traffic: every vehicle's motion, which sensors on one of them, or beside the road, see."""
+    """Recorded traffic, seen by sensors on one of its vehicles or beside the road."""
 
     def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
         from trackbench.truth import traffic

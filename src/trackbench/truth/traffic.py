@@ -1,4 +1,4 @@
-"""A truth from recorded traffic: the vehicles of a scene, seen from one of them or from beside the road."""
+"""Ground truth from recorded traffic, seen from one of its vehicles or from beside the road."""
 
 from __future__ import annotations
 
@@ -27,63 +27,63 @@ from trackbench.truth.motion_audit import (
 from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks, recorded_noise
 from trackbench.truth.tracks import TRAFFIC_FORMATS, moving_tracks
 
-#: The arrays of ``Frames`` with a column for each body.
+#: Arrays of ``Frames`` with a column for each body.
 OF_BODIES = ("px", "py", "heading", "slip", "speed", "collided")
-#: Vehicles that did not drive at the same time are put this far apart in a scene, m.
+#: Least distance between vehicles put into one scene that did not drive at the same time, m.
 APART_M = 0.5
 #: Least time between two rows, s.
 SHORTEST_STEP_S = 1e-3
-#: Numbers of steps and vehicles of a scene whose product still fits the memory of a small machine.
+#: Largest number of steps times vehicles of a scene that fits the memory of a small machine.
 LARGEST = 20_000_000
 
 
 class RecordedVehicles(NamedTuple):
-    """A recording between two times."""
+    """Vehicles of a recording between two times."""
 
     frames: Frames
     figures: MotionFigures
     error: RecordedNoise
     vehicles: int
-    """Of the whole file."""
+    """Number of vehicles in the whole file."""
     start: float
-    """s of the file's clock at the first instant."""
+    """Time of the file's clock at the first instant, s."""
 
 
 class SceneBodies(NamedTuple):
     """Numbers of the bodies in a scene."""
 
     carrier: int | None
-    """Body that carries the observer; None where no body does."""
+    """Body with the observer; None for a fixed observer."""
     present: list[int]
-    """All that drive there, the carrier too."""
+    """All bodies in the scene, including the carrier."""
 
 
 def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
-    """The truth of one scene, and a line that says what the recording implies.
+    """Return the truth of one scene, and a line with the figures of the recording.
 
     Raises:
-        InputError: the file cannot be read or is damaged; a vehicle is not in it; it moves as no vehicle does.
+        InputError: the file cannot be read or is damaged, lacks a named vehicle, or has impossible motion.
     """
     traffic = _recorded_vehicles(config, folder)
-    every = _scene_bodies(config, traffic.frames)
-    truth = _truth(config, traffic, every[config.scene])
+    scenes = _scene_bodies(config, traffic.frames)
+    truth = _truth(config, traffic, scenes[config.scene])
     for number in range(config.scene if config.format.simultaneous else 0):
-        _require_apart(config, number, truth, _truth(config, traffic, every[number]))
+        _require_apart(config, number, truth, _truth(config, traffic, scenes[number]))
     return truth, _note(traffic)
 
 
 def recording_rate(config: TrafficOptions, folder: Path) -> float:
-    """Instants of a recording per second, Hz.
+    """Return the instants of a recording per second, Hz.
 
     Raises:
-        InputError: as of `load_traffic`.
+        InputError: the file cannot be read or is damaged, or has impossible motion.
     """
     return round(1 / _recorded_vehicles(config, folder).frames.dt, 6)
 
 
-#: Keys of the options in which the scenes of one recording differ.
+#: Options in which the scenes of one recording differ.
 OF_SCENE = {"observer", "targets", "others_within_m"}
-#: The recordings read last, by what determines them: all scenes of a scenario have the same.
+#: Recordings read last, by all that determines them; the scenes of a scenario share one.
 _RECENT: dict[Hashable, RecordedVehicles] = {}
 
 
@@ -101,7 +101,7 @@ def _recorded_vehicles(config: TrafficOptions, folder: Path) -> RecordedVehicles
 
 
 def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
-    """The vehicles between ``from_s`` and its end, smoothed and audited."""
+    """Return the vehicles between the start and end of the scene, smoothed and audited."""
     smoothing = config.smoothing
     tracks, clock = moving_tracks(config.format.read(file), file)
     dt = grid_step(tracks)
@@ -126,13 +126,13 @@ def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
     frames, start = _frames(inside, dt, first, last, (config.length_m, config.width_m)), first * dt
     figures = motion_figures(inside, dt, start)
     if config.audit == "refuse":
-        together = frames if config.format.simultaneous else None
-        refuse_impossible(figures, inside, together, dt, smoothing is not None)
+        simultaneous = frames if config.format.simultaneous else None
+        refuse_impossible(figures, inside, simultaneous, dt, smoothing is not None)
     return RecordedVehicles(frames, figures, recorded_noise(inside), len(tracks), clock + start)
 
 
 def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size: tuple[float, float]) -> Frames:
-    """The motion on the grid's instants ``first`` to ``last``, NaN where a vehicle is absent."""
+    """Return the motion on the grid's instants ``first`` to ``last``; NaN where a vehicle is absent."""
     columns = {key: np.full((last - first + 1, len(tracks)), np.nan) for key in ("x", "y", "vx", "vy", "heading")}
     for body, track in enumerate(tracks):
         begin, end = max(track.first, first), min(track.first + len(track.x), last + 1)
@@ -156,7 +156,7 @@ def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size:
 
 
 def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
-    """The bodies of each scene: all, or where they did not drive at the same time, as many as do not overlap."""
+    """Return the bodies of each scene: all, or without simultaneous driving as many as do not overlap."""
     number = {name: body for body, name in enumerate(frames.ids)}
     for name in config.vehicles:
         if name not in number:
@@ -165,26 +165,26 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
     carriers: list[int | None] = [number[name] for name in config.vehicles] or [None]
     if config.format.simultaneous:
         return [SceneBodies(carrier, list(range(len(frames.ids)))) for carrier in carriers]
-    apart = ~overlaps(frames, APART_M)
+    is_apart = ~overlaps(frames, APART_M)
     scenes: list[list[int]] = [[] if carrier is None else [carrier] for carrier in carriers]
     for body in range(len(frames.ids)):
         if body not in carriers:
-            place = next((scene for scene in scenes if apart[body, scene].all()), None)
+            place = next((scene for scene in scenes if is_apart[body, scene].all()), None)
             if place is not None:
                 place.append(body)
     return [SceneBodies(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
 
 
 def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
-    frames, carrier, first = _only(traffic.frames, scene.present), None, 0
+    frames, carrier, first = _selected_bodies(traffic.frames, scene.present), None, 0
     if scene.carrier is None:
         assert isinstance(config.observer, FixedObserver)
         frames = _during(frames, 0, len(frames.px) - 1)
         observer = fixed_observer(config.observer, len(frames.px))
     else:
-        there = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
-        first = int(there[0])
-        frames = _during(frames, first, int(there[-1]))
+        present = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
+        first = int(present[0])
+        frames = _during(frames, first, int(present[-1]))
         carrier = frames.ids.index(traffic.frames.ids[scene.carrier])
         observer = frames.carrier(carrier)
     bodies = targets = target_bodies(config.targets, frames, observer, carrier)
@@ -203,7 +203,7 @@ def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies
     return audited_truth(truth, config.audit, remedy="" if config.smoothing else f": {SMOOTHER}")
 
 
-def _only(frames: Frames, bodies: Sequence[int]) -> Frames:
+def _selected_bodies(frames: Frames, bodies: Sequence[int]) -> Frames:
     chosen = list(bodies)
     return replace(
         frames,
@@ -215,13 +215,13 @@ def _only(frames: Frames, bodies: Sequence[int]) -> Frames:
 
 
 def _during(frames: Frames, first: int, last: int) -> Frames:
-    """The steps from ``first`` to ``last``, and the bodies that are there for at least two of them."""
+    """Return the steps from ``first`` to ``last``, with the bodies present in at least two of them."""
     part = replace(frames, **{name: getattr(frames, name)[first : last + 1] for name in OF_BODIES})
-    return _only(part, np.flatnonzero(part.alive.sum(axis=0) > 1).tolist())
+    return _selected_bodies(part, np.flatnonzero(part.alive.sum(axis=0) > 1).tolist())
 
 
 def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Truth) -> None:
-    """Make sure that a scene has no vehicle in common with one before it, the scene of that ``number``."""
+    """Require that a scene shares no vehicle with the earlier scene ``number``."""
     names = config.vehicles
     shared = {*truth.ids, names[config.scene]} & {*other.ids, names[number]}
     if shared:

@@ -12,8 +12,8 @@ from trackbench.models.motion import MOTION_MODELS, InitialSigmas
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi import build_multi
-from trackbench.trackers.multi.association import AssociationInput, weighed
-from trackbench.trackers.multi.gate import GatedPairs, run_detections, under_modes
+from trackbench.trackers.multi.association import AssociationInput, soft_association
+from trackbench.trackers.multi.gate import GatedPairs, run_detections, with_mode_likelihoods
 from trackbench.trackers.multi.intensity import Intensity
 from trackbench.trackers.multi.table import PredictedTracks, TrackFilter
 
@@ -66,8 +66,8 @@ def test_one_track_and_two_detections_are_weighed_by_total_probability():
     found, measured = np.array([0.9]), tracks.measured(detections.scan)
     at = AssociationInput(tracks, expected, detections, measured, np.zeros(1, int), found, gate, Intensity(density, 0))
     pairs = GatedPairs(np.zeros(2, int), np.arange(2), np.ones(2), np.zeros(2))
-    pairs = under_modes(pairs, predicted, filter.measured(detections.scan), belief.probability)
-    found = weighed(at, pairs, None, density)
+    pairs = with_mode_likelihoods(pairs, predicted, filter.measured(detections.scan), belief.probability)
+    found = soft_association(at, pairs, None, density)
     weights, parts = [], []
     for number in (None, 0, 1):
         own = scan._replace(measurement=places[:, [number or 0]], valid=np.array([number is not None]))

@@ -1,4 +1,7 @@
-"""Trackers of several objects: they associate detections that nobody labelled, and let tracks begin and end."""
+"""Multi-object trackers: association of detections without identities, start and end of tracks.
+
+Options and scans without identities come in; confirmed tracks go out. Read ``tracker.py`` first.
+"""
 
 from trackbench.trackers.multi.tracker import MultiObjectState, MultiObjectTracker, build_multi
 

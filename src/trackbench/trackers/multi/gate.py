@@ -1,4 +1,4 @@
-"""Which detections may stem from which tracks."""
+"""Gates: detections that may stem from a track."""
 
 from __future__ import annotations
 
@@ -16,50 +16,50 @@ from trackbench.filters import Measured, PredictedMeasurement
 
 
 class RunDetections(NamedTuple):
-    """The N detections of a scan of many runs, those of a run together."""
+    """The N detections of a scan of many runs, sorted by run."""
 
     scan: Scan
     """``measurement`` ``(m, N)``, ``valid`` ``(N,)``, all True."""
     run: Indices
     """``(N,)``"""
     column: Indices
-    """``(N,)`` where each stands in the scan of its run."""
+    """``(N,)`` column of each detection in the scan of its run."""
     first: Indices
-    """``(runs + 1,)`` the first detection of each run, and ``N``."""
+    """``(runs + 1,)`` first detection of each run, then ``N``."""
 
 
 def run_detections(scan: Scan, as_listed: bool) -> RunDetections:
-    """The detections of a scan ``(m, D, runs)`` without its padding.
+    """Return the detections of a scan ``(m, D, runs)`` without padding.
 
-    Within a run they stand as listed, or sorted by their values, so that the order of the list changes nothing.
+    Within a run they are in the order of the list, or sorted by value, so that the order of the list has no effect.
     """
-    most, runs = scan.valid.shape
+    column_count, runs = scan.valid.shape
     flat = scan.measurement.reshape(len(scan.measurement), -1)
     first = np.zeros(runs + 1, dtype=np.intp)
     counts = scan.valid.sum(axis=0)
     counts.cumsum(out=first[1:])
     run = np.arange(runs).repeat(counts)
-    place = (scan.valid.T.ravel().nonzero()[0] - run * most) * runs + run
+    place = (scan.valid.T.ravel().nonzero()[0] - run * column_count) * runs + run
     measurement = flat.take(place, axis=1)
     if not as_listed and len(run):
         order = _order(measurement, run)
         place, measurement = place[order], measurement.take(order, axis=1)
-    alone = with_sensor_of(scan, run, measurement=measurement, valid=place >= 0)
-    return RunDetections(alone, run, place // runs, first)
+    unpadded = with_sensor_of(scan, run, measurement=measurement, valid=place >= 0)
+    return RunDetections(unpadded, run, place // runs, first)
 
 
 TINY = float(np.finfo(float).tiny)
 
 
 def _order(measurement: Array, run: Indices) -> Indices:
-    """How detections ``(m, N)`` stand that are sorted by their run, then by their values."""
+    """Return the order of detections ``(m, N)`` by run, then by value."""
     key = measurement[0]
     if run[-1]:
-        # One number for both: the first component falls short of 1.
+        # One key for both: the scaled first component is less than 1.
         lowest = key.min()
         spread = key.max() - lowest
         key = run + (key - lowest) / max(2.0 * spread, TINY)
-    # In any order of those alike, which is the quickest; what is alike, or no number, is told apart by all components.
+    # The fast sort is unstable, so equal keys or NaN need a sort by all components.
     order: Indices = key.argsort()
     ranked = key[order]
     return order if (ranked[1:] > ranked[:-1]).all() else np.lexsort((*measurement[::-1], run))
@@ -68,33 +68,34 @@ def _order(measurement: Array, run: Indices) -> Indices:
 def close_pairs(
     mean: Array, reach: Array, run: Indices, value: Array, detections: RunDetections, angular: bool
 ) -> tuple[Indices, Indices]:
-    """Tracks and detections of the same run, sorted by both, that are not farther apart than the track's reach.
+    """Return tracks and detections of the same run, sorted by both, at most the track's reach apart.
 
     Args:
-        mean, reach: ``(L,)`` of the component, for each track.
-        run: ``(L,)`` of each track.
-        value: ``(N,)`` of the component, for each detection.
-        detections: of all runs.
+        mean: ``(L,)`` component of each track.
+        reach: ``(L,)`` largest distance from each track.
+        run: ``(L,)`` run of each track.
+        value: ``(N,)`` component of each detection.
+        detections: detections of all runs.
         angular: whether the component is an angle.
     """
     first = detections.first
     rank = np.arange(len(value)) - first[detections.run]
-    most = int(rank.max(initial=-1)) + 1
-    listed = np.empty((len(first) - 1, most))
+    column_count = int(rank.max(initial=-1)) + 1
+    listed = np.empty((len(first) - 1, column_count))
     listed.fill(np.nan)
     listed[detections.run, rank] = value
-    away = listed.take(run, axis=0)
-    away -= mean[:, None]
+    distance = listed.take(run, axis=0)
+    distance -= mean[:, None]
     if angular:
-        away = wrap_angle(away)
-    # Nonzero entries of one axis are found several times faster than those of two.
-    pair = (np.abs(away, out=away) <= reach[:, None]).ravel().nonzero()[0]
-    track = pair // max(most, 1)
-    return track, first[run[track]] + pair - track * most
+        distance = wrap_angle(distance)
+    # Nonzero entries are found several times faster along one axis than along two.
+    pair = (np.abs(distance, out=distance) <= reach[:, None]).ravel().nonzero()[0]
+    track = pair // max(column_count, 1)
+    return track, first[run[track]] + pair - track * column_count
 
 
 class GatedPairs(NamedTuple):
-    """Tracks and detections of the same run that are in each other's gate, sorted by track and detection."""
+    """Pairs of a track and a detection of the same run in its gate, sorted by track and detection."""
 
     track: Indices
     """``(P,)``"""
@@ -103,10 +104,10 @@ class GatedPairs(NamedTuple):
     distance: Array
     """``(P,)`` squared Mahalanobis distance."""
     log_likelihood: Array
-    """``(P,)`` of the detection, if the track's object caused it."""
+    """``(P,)`` log-likelihood of the detection if the track's object caused it."""
 
     def select(self, which: Mask) -> GatedPairs:
-        """Some of the pairs."""
+        """Return some of the pairs."""
         return GatedPairs(*map(methodcaller("take", which.nonzero()[0]), self))
 
 
@@ -118,25 +119,25 @@ def gated(
     threshold: float,
     compute: Compute,
 ) -> GatedPairs:
-    """The pairs whose squared Mahalanobis distance is at most ``threshold``.
+    """Return the pairs whose squared Mahalanobis distance is at most ``threshold``.
 
     Args:
-        predicted: of each track, ``(m, L)``.
-        measured: of each detection, ``(m, N)``.
-        detections: of all runs.
-        run: ``(L,)`` of each track.
-        threshold: of chi-square with ``m`` degrees of freedom.
-        compute: how equations are computed.
+        predicted: predicted measurement of each track, ``(m, L)``.
+        measured: measured values of each detection, ``(m, N)``.
+        detections: detections of all runs.
+        run: ``(L,)`` run of each track.
+        threshold: quantile of chi-square with ``m`` degrees of freedom.
+        compute: engine of the equations.
     """
     track, detection = _in_reach(predicted, measured, detections, run, threshold)
     distance, log_likelihood = _likelihood(predicted, measured, track, detection, compute)
     return GatedPairs(track, detection, distance, log_likelihood).select(distance <= threshold)
 
 
-def under_modes(
+def with_mode_likelihoods(
     pairs: GatedPairs, predicted: PredictedMeasurement, measured: Measured, prior: Array, compute: Compute = by_numpy
 ) -> GatedPairs:
-    """The pairs, their likelihood that of the mixture of the modes, whose probabilities are ``prior`` ``(M, L)``."""
+    """Return the pairs with the likelihood of the mixture of modes of probabilities ``prior`` ``(M, L)``."""
     of_mode = [_likelihood(mode, measured, pairs.track, pairs.detection, compute)[1] for mode in predicted.modes]
     joint = np.log(prior[:, pairs.track]) + np.stack(of_mode)
     largest = joint.max(axis=0)
@@ -146,10 +147,10 @@ def under_modes(
 def _likelihood(
     predicted: PredictedMeasurement, measured: Measured, track: Indices, detection: Indices, compute: Compute
 ) -> tuple[Array, Array]:
-    """``(P,)`` squared Mahalanobis distance and log-likelihood of each pair."""
+    """Return ``(P,)`` squared Mahalanobis distance and log-likelihood of each pair."""
     noise = measured.noise if measured.noise.ndim == 2 else measured.noise.take(detection, axis=-1)
     result = compute(
-        _of_pair(measured.angular),
+        _distance_equations(measured.angular),
         {
             "value": measured.value.take(detection, axis=-1),
             "noise": noise,
@@ -161,9 +162,7 @@ def _likelihood(
 
 
 @cache
-def _of_pair(angular: tuple[int, ...]) -> Equations:
-    """How far a detection is from a track, whatever the number of components."""
-
+def _distance_equations(angular: tuple[int, ...]) -> Equations:
     def function(values: Values) -> Values:
         innovation = difference(values["value"], values["expected"], angular)
         spread = values["spread"]
@@ -179,7 +178,7 @@ def _of_pair(angular: tuple[int, ...]) -> Equations:
 def _in_reach(
     predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
 ) -> tuple[Indices, Indices]:
-    """Return the pairs that are close in one component, among which are all that are in the gate."""
+    """Return the pairs that are close in one component, a superset of the gated pairs."""
     angular = len(measured.angular) == len(measured.value)
     axis = 0
     while axis in measured.angular and not angular:
@@ -191,10 +190,10 @@ def _in_reach(
 
 
 def in_field_of_view(position: Array, scan: Scan) -> Mask:
-    """``(L,)`` which positions ``(2, L)`` are in the field of view of the sensor."""
+    """Return ``(L,)`` which positions ``(2, L)`` are in the field of view of the sensor."""
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
     dx, dy = position[0] - scan.sensor_pose[0], position[1] - scan.sensor_pose[1]
-    seen: Mask = dx * dx + dy * dy <= view.max_range * view.max_range
+    is_seen: Mask = dx * dx + dy * dy <= view.max_range * view.max_range
     if view.half_angle < np.pi:
-        seen &= np.abs(wrap_angle(np.arctan2(dy, dx) - scan.sensor_pose[2])) <= view.half_angle
-    return seen
+        is_seen &= np.abs(wrap_angle(np.arctan2(dy, dx) - scan.sensor_pose[2])) <= view.half_angle
+    return is_seen

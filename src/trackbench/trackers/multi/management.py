@@ -1,4 +1,4 @@
-"""When a track begins, when it is confirmed, and when it is deleted."""
+"""Rules for tracks to begin, to be confirmed and to be deleted."""
 
 from __future__ import annotations
 
@@ -17,53 +17,53 @@ from trackbench.trackers.multi.association import CLAIMED, Association, Associat
 from trackbench.trackers.multi.table import NONE, TrackFilter, TrackTable, empty, selected_detections
 
 
-class Judged(NamedTuple):
+class ScanEvidence(NamedTuple):
     """Evidence of a scan for each track."""
 
     hit: Mask
-    """``(L,)`` it has a detection."""
+    """``(L,)`` True for a track with a detection."""
     in_view: Mask
-    """``(L,)`` it should have one."""
+    """``(L,)`` True for a track that should have a detection."""
     log_ratio: Array
-    """``(L,)`` logarithm of the likelihood that there is an object, over that of false alarms alone."""
+    """``(L,)`` log-likelihood ratio of an object to false alarms alone."""
     existence: Array | None
-    """``(2, L)`` probability that the object exists, and that it is not hidden if so; None where it is not asked."""
+    """``(2, L)`` probabilities of existence and, given existence, of being visible; None without existence."""
 
 
-#: Score at which ``confirm: score`` confirms a track, and how far below its largest it deletes it.
+#: Score at which ``confirm: score`` confirms a track, and drop from its largest score that deletes it.
 CONFIRMING_SCORE, SCORE_DROP = 12.0, 10.0
-#: Mean time for which a hidden object stays so, s.
+#: Mean time for which a hidden object stays hidden, s.
 HIDDEN_S = 1.0
-#: Rows of the evidence: probabilities that the object exists, and that it is not hidden from the sensors if so; numbers
-#: of detections and of scans in view; the score, 0 at the first detection, and its largest value.
+#: Rows of the evidence: probabilities that the object exists, and that an existing object is visible to the sensors;
+#: numbers of detections and of scans in view; the score, 0 at the first detection, and its largest value.
 EXISTS, VISIBLE, DETECTIONS, SCANS, SCORE, LARGEST_SCORE = range(6)
 
 
 @dataclass(frozen=True)
 class TrackLogic:
-    """When tracks are confirmed and when they end, by their evidence ``(6, L)``.
+    """Rule that confirms and deletes tracks by their evidence ``(6, L)``.
 
-    M detections in the first N scans confirm; a tentative track that can no longer have them is deleted. Or the score
-    does, the log-likelihood ratio of object and false alarms, and deletes a track when it falls: Blackman and Popoli
-    (1999), "Design and Analysis of Modern Tracking Systems", section 6.2. Or the existence probability does: Musicki,
-    Evans and Stankovic (1994), "Integrated probabilistic data association", Markov chain two.
+    M of N: M detections in the first N scans confirm; a tentative track that can no longer have them is deleted.
+    Score: the log-likelihood ratio of object and false alarms confirms, and deletes when it falls; Blackman and Popoli
+    (1999), "Design and Analysis of Modern Tracking Systems", section 6.2. Existence probability: Musicki, Evans and
+    Stankovic (1994), "Integrated probabilistic data association", Markov chain two.
     """
 
     rule: tuple[int, int] | Literal["score", "existence"]
     has_existence: bool
-    """Whether the method has existence probabilities, of which a small one deletes a track."""
+    """Whether the method has existence probabilities; a small one deletes a track."""
     confirming: float
-    """Existence probability that confirms."""
+    """Existence probability at which a track is confirmed."""
     deleting: float
     """Existence probability below which a track is deleted."""
     lifetime_s: float
-    """Mean, s."""
+    """Mean time that an object stays, s."""
     hides: float
     """Rate at which visible objects hide, 1/s."""
 
     @classmethod
     def of(cls, config: AssociateConfig) -> TrackLogic:
-        """Return the rule that the options describe."""
+        """Return the rule of the options."""
         rule = config.confirms_by
         hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
         return cls(
@@ -75,7 +75,7 @@ class TrackLogic:
             hides,
         )
 
-    def begun(self, count: int, existence: Array | None) -> Array:
+    def first_evidence(self, count: int, existence: Array | None) -> Array:
         """Return the evidence of tracks that begin with a detection."""
         evidence = np.zeros((6, count))
         evidence[:SCORE] = 1.0
@@ -84,14 +84,14 @@ class TrackLogic:
         return evidence
 
     def after_time(self, evidence: Array, elapsed: float) -> Array:
-        """Return the evidence some seconds later, of a method that has existence probabilities."""
+        """Return the evidence after some seconds, for a method with existence probabilities."""
         rate, later = self.hides + 1.0 / HIDDEN_S, evidence.copy()
-        at_last = 1.0 / HIDDEN_S / rate
+        limit = 1.0 / HIDDEN_S / rate
         later[EXISTS] = evidence[EXISTS] * np.exp(-elapsed / self.lifetime_s)
-        later[VISIBLE] = at_last + (evidence[VISIBLE] - at_last) * np.exp(-rate * elapsed)
+        later[VISIBLE] = limit + (evidence[VISIBLE] - limit) * np.exp(-rate * elapsed)
         return later
 
-    def after_scan(self, evidence: Array, judged: Judged) -> Array:
+    def after_scan(self, evidence: Array, judged: ScanEvidence) -> Array:
         """Return the evidence after a scan."""
         existence = evidence[:DETECTIONS] if judged.existence is None else judged.existence
         counts = evidence[DETECTIONS] + judged.hit, evidence[SCANS] + judged.in_view
@@ -102,7 +102,7 @@ class TrackLogic:
         return linalg.vector([existence[EXISTS], existence[VISIBLE], *counts, *scores])
 
     def confirms(self, evidence: Array) -> Mask:
-        """``(L,)`` tracks that get an id."""
+        """Return ``(L,)`` which tracks are confirmed and get an id."""
         if self.rule == "score":
             return np.asarray(evidence[SCORE] >= CONFIRMING_SCORE)
         if self.rule == "existence":
@@ -110,26 +110,26 @@ class TrackLogic:
         return np.asarray(evidence[DETECTIONS] >= self.rule[0])
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        """``(L,)`` tracks that end."""
-        ends: Mask = evidence[EXISTS] < (self.deleting if self.has_existence else 0.0)
+        """Return ``(L,)`` which tracks end."""
+        is_ending: Mask = evidence[EXISTS] < (self.deleting if self.has_existence else 0.0)
         if self.rule == "score":
-            ends = ends | (evidence[SCORE] <= evidence[LARGEST_SCORE] - SCORE_DROP)
+            is_ending = is_ending | (evidence[SCORE] <= evidence[LARGEST_SCORE] - SCORE_DROP)
         elif not isinstance(self.rule, str):
             needed, scans = self.rule
-            ends = ends | (~confirmed & (evidence[SCANS] - evidence[DETECTIONS] > scans - needed))
-        return ends
+            is_ending = is_ending | (~confirmed & (evidence[SCANS] - evidence[DETECTIONS] > scans - needed))
+        return is_ending
 
 
 def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
-    """The evidence after a scan, the time of the latest detection, and which tracks end.
+    """Return equations of a scan's effect on evidence, time of the latest detection and end of tracks.
 
-    A track ends too once its latest detection is longer ago than ``silent_s``. ``existence``: whether it is known.
+    A track also ends ``silent_s`` after its latest detection. ``existence``: whether the method has existence.
     """
 
     def function(values: Values) -> Values:
         hit = values["hit"]
         in_view = hit | (values["detection probability"] > 0.0)
-        judged = Judged(hit, in_view, values["log ratio"], values["existence"] if existence else None)
+        judged = ScanEvidence(hit, in_view, values["log ratio"], values["existence"] if existence else None)
         evidence = logic.after_scan(values["evidence"], judged)
         seen = np.where(hit, values["time"], values["seen"])
         ends = logic.deletes(evidence, values["confirmed"]) | (values["time"] - seen > silent_s)
@@ -142,7 +142,7 @@ def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
 
 @dataclass(frozen=True)
 class TrackManager:
-    """Tells which tracks end and which begin after the detections of a scan are associated."""
+    """Beginning and end of tracks after the association of a scan."""
 
     associate: AssociateConfig
     filter: TrackFilter
@@ -150,7 +150,7 @@ class TrackManager:
 
     @cached_property
     def logic(self) -> TrackLogic:
-        """The rule by which tracks are confirmed and deleted."""
+        """Rule that confirms and deletes tracks."""
         return TrackLogic.of(self.associate)
 
     @cached_property
@@ -159,16 +159,15 @@ class TrackManager:
         return judgement(self.logic, associate.delete_after_s - SAME_TIME, associate.method in EXISTENCE)
 
     def empty_table(self) -> TrackTable:
-        """No tracks."""
-        return empty(self.filter.filter, len(self.logic.begun(0, None)))
+        return empty(self.filter.filter, len(self.logic.first_evidence(0, None)))
 
-    def judged(self, before: TrackTable, result: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
-        """The tracks after the scan, and which of them end."""
-        hit, confirmed, scan = result.detection != NONE, before.id != NONE, at.detections.scan
+    def after_scan(self, before: TrackTable, result: Association, inputs: AssociationInput) -> tuple[TrackTable, Mask]:
+        """Return the tracks after the scan, and which of them end."""
+        hit, confirmed, scan = result.detection != NONE, before.id != NONE, inputs.detections.scan
         values = {
             "evidence": before.evidence,
             "hit": hit,
-            "detection probability": at.detection_probability,
+            "detection probability": inputs.detection_probability,
             "log ratio": result.log_ratio,
             "existence": result.existence,
             "confirmed": confirmed,
@@ -177,36 +176,36 @@ class TrackManager:
         }
         after = self.compute(self._judgement, values)
         used = result.detection.copy()
-        used[hit] = at.detections.column.take(result.detection[hit])
+        used[hit] = inputs.detections.column.take(result.detection[hit])
         ends = np.asarray(after["ends"], dtype=bool)
         seen, evidence = after["seen"], after["evidence"]
         return TrackTable(before.run, before.id, result.belief, seen, evidence, used, before.origin), ends
 
-    def begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
-        """A track for each detection that probably stems from none; None without any."""
-        config, scan = self.associate, at.detections.scan
+    def new_tracks(self, inputs: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
+        """Return a track for each detection that probably stems from no track; None without any."""
+        config, scan = self.associate, inputs.detections.scan
         existence: Array | None = None
         if config.method in COUNTING:
-            which = unclaimed > CLAIMED
+            is_starting = unclaimed > CLAIMED
         else:
-            new = at.intensity.new_objects
-            existence = unclaimed * new / (at.intensity.false_alarms + new)
-            which = existence >= config.delete_existence
+            new = inputs.intensity.new_objects
+            existence = unclaimed * new / (inputs.intensity.false_alarms + new)
+            is_starting = existence >= config.delete_existence
         if origin is not None:
-            which &= origin[0] >= 0
-        own = which.nonzero()[0]
-        if not len(own):
+            is_starting &= origin[0] >= 0
+        starting = is_starting.nonzero()[0]
+        if not len(starting):
             return None
-        none, seen = np.empty(len(own), dtype=np.intp), np.empty(len(own))
-        none.fill(NONE)
+        no_index, seen = np.empty(len(starting), dtype=np.intp), np.empty(len(starting))
+        no_index.fill(NONE)
         seen.fill(scan.time)
-        belief = self.filter.begin(selected_detections(scan, own))
+        belief = self.filter.begin(selected_detections(scan, starting))
         return TrackTable(
-            at.detections.run[own],
-            none,
+            inputs.detections.run[starting],
+            no_index,
             belief,
             seen,
-            self.logic.begun(len(own), None if existence is None else existence[own]),
-            at.detections.column[own],
-            none if origin is None else origin[0, own],
+            self.logic.first_evidence(len(starting), None if existence is None else existence[starting]),
+            inputs.detections.column[starting],
+            no_index if origin is None else origin[0, starting],
         )

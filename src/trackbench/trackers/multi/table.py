@@ -1,4 +1,4 @@
-"""The tracks of all runs side by side, and what their filter makes of detections."""
+"""Table of the tracks of all runs, and the filter that updates them with detections."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ from trackbench.filters import (
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.initial import InitialConfig, first_measurement
 from trackbench.trackers.multi.gate import in_field_of_view
-from trackbench.trackers.multi.mixture import of_pairs
+from trackbench.trackers.multi.mixture import mix_pairs
 
-#: The id of a track that is not confirmed, and what stands for "none" wherever an index is expected.
+#: Id of a tentative track, and placeholder for a missing index.
 NONE = -1
 
 
 class TrackTable(NamedTuple):
-    """The L tracks of all runs, those of a run in the order in which they began."""
+    """The L tracks of all runs; within a run in the order in which they began."""
 
     run: Indices
     """``(L,)``"""
     id: Indices
-    """``(L,)`` counts up from 0 within a run as tracks are confirmed; -1 before."""
+    """``(L,)`` id of a confirmed track, counted from 0 in each run; -1 for a tentative track."""
     belief: AnyBelief
-    """Of L members, with nothing that the filter could reuse."""
+    """Belief of L members, without intermediate results for reuse."""
     seen: Array
     """``(L,)`` time of the latest detection, s."""
     evidence: Array
-    """``(k, L)`` what speaks for each track; ``management`` knows what it means."""
+    """``(k, L)`` evidence for each track; ``management`` defines its rows."""
     used: Indices
-    """``(L,)`` the column that it took in from the latest scan; -1 for none."""
+    """``(L,)`` column of the detection used from the latest scan; -1 for none."""
     origin: Indices
-    """``(L,)`` number of the object that started it, where the tracker is told; else -1."""
+    """``(L,)`` number of the object that started the track, known to the oracle only; else -1."""
 
     def select(self, which: Mask | Indices) -> TrackTable:
-        """Some of the tracks."""
+        """Return some of the tracks."""
         index = which.nonzero()[0] if which.dtype == bool else which
         run, id, belief, *rest = self
         parts = map(methodcaller("take", index, -1), (run, id, *rest))
@@ -56,7 +56,7 @@ class TrackTable(NamedTuple):
 
 
 def empty(filter: Filter[Any], evidence: int) -> TrackTable:
-    """No tracks, of so many components of the evidence."""
+    """Return a table without tracks, with ``evidence`` rows of evidence."""
     none = np.zeros(0, dtype=np.intp)
 
     def nothing(motion: MotionModel) -> Gaussian:
@@ -66,57 +66,57 @@ def empty(filter: Filter[Any], evidence: int) -> TrackTable:
     return TrackTable(none, none, filter.begin(nothing), np.zeros(0), np.zeros((evidence, 0)), none, none)
 
 
-def succeeded(table: TrackTable, kept: Mask, more: TrackTable | None) -> TrackTable:
-    """The tracks that are kept, ``(L,)``, and ``more`` behind the others."""
-    table = table if kept.all() else table.select(kept)
-    if more is None:
+def with_new_tracks(table: TrackTable, is_kept: Mask, new: TrackTable | None) -> TrackTable:
+    """Return the table with the kept tracks ``(L,)``, followed by new ones."""
+    table = table if is_kept.all() else table.select(is_kept)
+    if new is None:
         return table
     run, id, belief, *rest = table
-    pairs = zip((run, id, *rest), (*more[:2], *more[3:]), strict=True)
+    pairs = zip((run, id, *rest), (*new[:2], *new[3:]), strict=True)
     parts = map(partial(np.concatenate, axis=-1), pairs)
-    return TrackTable(next(parts), next(parts), concatenated(belief, more.belief), *parts)
+    return TrackTable(next(parts), next(parts), concatenated(belief, new.belief), *parts)
 
 
-def by_run(which: Indices, run: Indices) -> Indices:
-    """Some tracks, those of a run together, each run's as they were; ``run``: of all tracks."""
-    own = run.take(which)
-    return which if (own[1:] >= own[:-1]).all() else which[own.argsort(kind="stable")]
+def sorted_by_run(which: Indices, run: Indices) -> Indices:
+    """Return some tracks sorted by run, in unchanged order within a run; ``run`` is the run of every track."""
+    selected_run = run.take(which)
+    return which if (selected_run[1:] >= selected_run[:-1]).all() else which[selected_run.argsort(kind="stable")]
 
 
 def rank_in_run(run: Indices, runs: int) -> Indices:
-    """The how-manieth of its run each is, of ascending runs ``(...)``."""
+    """Return the position of each entry within its run, for ascending runs ``(...)``."""
     counts = np.bincount(run, minlength=runs)
     return np.arange(len(run)) - (np.cumsum(counts) - counts)[run]
 
 
-def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
-    """The table with ids for those of the deserving that have none yet, and the next id of each run ``(runs,)``."""
-    fresh = (deserving & (table.id == NONE)).nonzero()[0]
-    if not len(fresh):
+def with_ids(table: TrackTable, is_confirmed: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
+    """Return the table with ids for newly confirmed tracks, and the next id of each run ``(runs,)``."""
+    new = (is_confirmed & (table.id == NONE)).nonzero()[0]
+    if not len(new):
         return table, next_id
-    fresh = by_run(fresh, table.run)
-    run, ids = table.run[fresh], table.id.copy()
-    ids[fresh] = next_id[run] + rank_in_run(run, len(next_id))
+    new = sorted_by_run(new, table.run)
+    run, ids = table.run[new], table.id.copy()
+    ids[new] = next_id[run] + rank_in_run(run, len(next_id))
     return table._replace(id=ids), next_id + np.bincount(run, minlength=len(next_id))
 
 
 def reported_tracks(
     table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float = 0.0
 ) -> Tracks:
-    """Return the confirmed tracks of sufficient existence as arrays with a last axis of runs, padded.
+    """Return the confirmed tracks with enough existence as padded arrays with a last axis of runs.
 
     Args:
-        table: of all tracks.
-        filter: of their beliefs.
-        existence: ``(L,)``, if the tracker has it.
-        runs: how many.
-        least_existence: of a track that is reported.
+        table: all tracks.
+        filter: filter of the tracks.
+        existence: ``(L,)`` existence probability, if the tracker has it.
+        runs: number of runs.
+        least_existence: least existence probability of a reported track.
     """
-    told = table.id != NONE
-    which = (told if existence is None else told & (existence >= least_existence)).nonzero()[0]
+    is_confirmed = table.id != NONE
+    which = (is_confirmed if existence is None else is_confirmed & (existence >= least_existence)).nonzero()[0]
     shape, missing = (len(which), 1), None
     if runs > 1:
-        which = by_run(which, table.run)
+        which = sorted_by_run(which, table.run)
         counts = np.bincount(table.run[which], minlength=runs)
         shape = (int(counts.max(initial=0)), runs)
         place = np.zeros((runs, shape[0]), dtype=np.intp)
@@ -136,87 +136,82 @@ def reported_tracks(
 
 
 class PredictedTracks(NamedTuple):
-    """Tracks at the time of a scan, and what they expect of it."""
+    """Tracks at the time of a scan, with their predicted measurements."""
 
     belief: AnyBelief
-    """With what the filter can reuse for its update."""
+    """Predicted belief, with intermediate results for reuse in the update."""
     measurement: PredictedMeasurement
     in_view: Mask
-    """``(...)`` which are in the field of view of the sensor."""
+    """``(...)`` True for tracks in the field of view of the sensor."""
 
 
 class TrackFilter:
-    """A filter on the beliefs of the L tracks that take in the N detections of a scan."""
+    """Filter that updates the L tracks with the N detections of a scan."""
 
     def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:
         self.filter = filter
         self.initial = initial
 
     def measured(self, scan: Scan) -> Measured:
-        """The detections in the space in which the filter compares them with its predictions."""
+        """Return the detections in the space in which the filter compares them with predictions."""
         return self.filter.measured(scan)
 
     def begin(self, scan: Scan) -> AnyBelief:
-        """Of N tracks: what each detection says by itself."""
-        return begun(self.filter, self.initial, scan)
+        """Return the first beliefs ``(n, N)``, one from each detection alone."""
+        return first_beliefs(self.filter, self.initial, scan)
 
     def expect(self, belief: AnyBelief, dt: float, scan: Scan) -> PredictedTracks:
-        """What is expected of a scan ``dt`` seconds later, at whose detections it does not look."""
-        return expected(self.filter, self.filter.predict(belief, dt), scan)
+        """Return the tracks predicted to a scan ``dt`` seconds later, without use of its detections."""
+        return predicted_tracks(self.filter, self.filter.predict(belief, dt), scan)
 
-    def after(self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices) -> AnyBelief:
-        """Of P members: the belief of a track after the detection that stands beside it.
-
-        Args:
-            at: of the L tracks.
-            scan: of N detections, all valid.
-            track, detection: ``(P,)``
-        """
-        predicted = selected_prediction(at.measurement, track)
-        part = at._replace(belief=select(at.belief, track), measurement=predicted)
+    def after(self, tracks: PredictedTracks, scan: Scan, track: Indices, detection: Indices) -> AnyBelief:
+        """Return the belief of each pair ``(P,)``: the track updated with the detection."""
+        predicted = selected_prediction(tracks.measurement, track)
+        part = tracks._replace(belief=select(tracks.belief, track), measurement=predicted)
         return self._updated(part, selected_detections(scan, detection))
 
-    def _updated(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
-        result: AnyBelief = self.filter.update(at.belief, scan, at.measurement).belief
+    def _updated(self, tracks: PredictedTracks, scan: Scan) -> AnyBelief:
+        result: AnyBelief = self.filter.update(tracks.belief, scan, tracks.measurement).belief
         return result
 
-    def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
-        """Of the L tracks: the belief after the detection ``(L,)`` of each; as it was where that is negative."""
-        belief, track = compact(at.belief), np.flatnonzero(detection >= 0)
-        return with_members(belief, track, self.after(at, scan, track, detection[track])) if len(track) else belief
+    def updated_tracks(self, tracks: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
+        """Return the L tracks updated with their detection ``(L,)``; unchanged where that is negative."""
+        belief, track = compact(tracks.belief), np.flatnonzero(detection >= 0)
+        return with_members(belief, track, self.after(tracks, scan, track, detection[track])) if len(track) else belief
 
     def mixture(
-        self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, kept: Array
+        self, tracks: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, missed: Array
     ) -> AnyBelief:
-        """Of the L tracks: the mixture of their prediction and of their update with each of their detections.
+        """Return each track's mixture of the prediction and of the updates with its possible detections.
 
         Args:
-            at: of the L tracks.
-            scan: of N detections, all valid.
-            track, detection: ``(P,)``, sorted by track.
-            share: ``(P,)`` the probability of each detection.
-            kept: ``(L,)`` the probability of none.
+            tracks: the L predicted tracks.
+            scan: scan with N valid detections.
+            track: ``(P,)`` track of each pair, ascending.
+            detection: ``(P,)`` detection of each pair.
+            share: ``(P,)`` association probability of each pair.
+            missed: ``(L,)`` probability of no detection.
         """
-        before = compact(at.belief)
+        before = compact(tracks.belief)
         if not len(track):
             return before
-        return of_pairs(self.filter.motions, before, self.after(at, scan, track, detection), track, share, kept)
+        return mix_pairs(self.filter.motions, before, self.after(tracks, scan, track, detection), track, share, missed)
 
 
-def begun(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> AnyBelief:
-    """What each detection of a scan says by itself."""
+def first_beliefs(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> AnyBelief:
+    """Return the first belief of each detection of a scan alone."""
     result: AnyBelief = filter.begin(lambda motion: first_measurement(motion, initial, scan))
     return result
 
 
-def expected(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTracks:
-    """What a belief at the time of a scan expects of it."""
-    seen = in_field_of_view(filter.cartesian(belief).mean[:2], scan)
-    return PredictedTracks(belief, filter.predict_measurement(belief, scan), seen)
+def predicted_tracks(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTracks:
+    """Return beliefs at the time of a scan with their predicted measurements."""
+    in_view = in_field_of_view(filter.cartesian(belief).mean[:2], scan)
+    return PredictedTracks(belief, filter.predict_measurement(belief, scan), in_view)
 
 
 def selected_detections(scan: Scan, which: Indices, valid: Mask | None = None) -> Scan:
-    """Some detections of a scan, or the same one several times; ``valid``: which of them are to count, unless all."""
+    """Return some detections of a scan, possibly repeated; ``valid`` replaces their validity."""
     noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance.take(which, axis=-1)
     values = {"measurement": scan.measurement.take(which, axis=1), "noise_covariance": noise}
     return with_sensor_of(scan, which, valid=scan.valid.take(which) if valid is None else valid, **values)

@@ -1,4 +1,4 @@
-"""A tracker of several objects: a filter, an association and a rule for tracks to begin and end."""
+"""Multi-object tracker: a filter, an association, and rules for tracks to begin and end."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ from trackbench.trackers.multi.table import (
     NONE,
     TrackFilter,
     TrackTable,
-    numbered,
     reported_tracks,
-    succeeded,
+    with_ids,
+    with_new_tracks,
 )
 
 
 class MultiObjectState(NamedTuple):
-    """What the tracker knows after a scan."""
+    """State of a multi-object tracker after a scan."""
 
     time: float
-    """Of the latest scan at which the state advanced, s."""
+    """Time of the latest scan at which the state advanced, s."""
     table: TrackTable
     next_id: Indices
     """``(runs,)``"""
     undetected: Undetected
     expected: AnyBelief | None = None
-    """Of the tracks before the latest scan, at its time."""
+    """Beliefs of the tracks, predicted to the latest scan."""
     before: TrackTable | None = None
-    """Those tracks, their beliefs at the time of the scan before."""
+    """Tracks before the latest scan, with their beliefs at the previous scan."""
 
 
 @dataclass(frozen=True)
 class MultiObjectTracker(BuiltInTracker):
-    """Follows several objects by detections that nobody labelled, in one run or in many runs at once.
+    """Tracker of several objects from detections without identities, in one run or in many runs at once.
 
-    The tracks of all runs lie side by side, ``(n, L)``, each with the number of its run: none waits unused, and a run
-    may have as many as it needs.
+    The tracks of all runs are stored side by side, ``(n, L)``, each with the number of its run. So runs may have any
+    number of tracks without padding.
     """
 
     associate: AssociateConfig = field(kw_only=True)
@@ -60,14 +60,14 @@ class MultiObjectTracker(BuiltInTracker):
 
     @property
     def wants_origins(self) -> bool:
-        """Whether ``step`` is to be told which object caused each detection."""
+        """Whether ``step`` needs the object that caused each detection."""
         return self.associate.method == "oracle"
 
     @cached_property
     def _track_filter(self) -> TrackFilter:
         if self.engine == "numpy":
             return TrackFilter(self.computed_filter, self.initial)
-        # Its import takes a moment.
+        # The import is slow.
         from trackbench.trackers.multi.fused_tracks import FusedTrackFilter
 
         return FusedTrackFilter(self.computed_filter, self.initial)
@@ -83,30 +83,30 @@ class MultiObjectTracker(BuiltInTracker):
     def step(
         self, state: MultiObjectState | None, scan: Scan, origins: Indices | None = None
     ) -> tuple[MultiObjectState | None, Tracks]:
-        """Predict to the scan's time, associate its detections, and let tracks begin and end.
+        """Predict to the scan's time, associate its detections, and begin and end tracks.
+
+        A scan that is older than the state is dropped; the tracks then refer to the state's time.
 
         Args:
             state: None at first.
-            scan: of one run (``measurement`` ``(m, D)``) or of many (``(m, D, runs)``).
-            origins: ``(2, D)`` or ``(2, D, runs)`` number of the object that caused each detection, and of a second one
-                that is merged with it, negative for none; only for the oracle.
-
-        A scan that is older than the state is dropped; the tracks are then those at the state's time.
+            scan: scan of one run (``measurement`` ``(m, D)``) or of many runs (``(m, D, runs)``).
+            origins: ``(2, D)`` or ``(2, D, runs)`` numbers of the object that caused each detection, and of a second
+                object merged with it; negative for none. For the oracle only.
         """
         if scan.valid.ndim == 1:
             single = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, single, None if origins is None else origins[..., None])
-            return state, _alone(tracks)
+            return state, _single_run(tracks)
         scan, runs = self.assumed.stated(scan), scan.valid.shape[1]
         if state is None:
             table, undetected = self._manager.empty_table(), Undetected(self.associate.undetected, {})
             if scan.asked:
-                # Its first scan may still be on its way.
+                # The first scan may not have arrived yet.
                 return None, self._tracks(table, runs)
             state = MultiObjectState(scan.time, table, np.zeros(runs, dtype=np.intp), undetected)
         if scan.asked or (self.sensors is not None and not self.reads(scan.sensor)):
-            ahead, answer = self._prediction(state, max(scan.time, state.time))
-            return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
+            later, answer = self._prediction(state, max(scan.time, state.time))
+            return (later if self.advance_at == "all_scans" and not scan.asked else state), answer
         if scan.time < state.time:
             return state, self._prediction(state, state.time)[1]
         return self._in_sequence(state, scan, origins)
@@ -116,8 +116,8 @@ class MultiObjectTracker(BuiltInTracker):
     ) -> tuple[MultiObjectState, Tracks]:
         at_tracks = with_sensor_of(scan, state.table.run)
         expected = self._track_filter.expect(state.table.belief, scan.time - state.time, at_tracks)
-        ahead = self._at(state, scan.time)
-        config, runs = self.associate, len(ahead.next_id)
+        later = self._at(state, scan.time)
+        config, runs = self.associate, len(later.next_id)
         detections = run_detections(scan, as_listed=config.method == "naive")
         if self.assumed.effects:
             detections = detections._replace(scan=self.assumed.with_noise_by_range(detections.scan))
@@ -125,7 +125,7 @@ class MultiObjectTracker(BuiltInTracker):
             self._track_filter.filter, expected.belief, at_tracks, detections.scan
         )
         origin = None if origins is None else origins[:, detections.column, detections.run]
-        in_view, measured = ahead.undetected.in_view(scan.sensor), self._track_filter.measured(detections.scan)
+        in_view, measured = later.undetected.in_view(scan.sensor), self._track_filter.measured(detections.scan)
         density = intensity(
             detections.scan,
             measured.value is detections.scan.measurement,
@@ -135,41 +135,42 @@ class MultiObjectTracker(BuiltInTracker):
             self.initial.velocity_sigma_mps,
         )
         probability = np.where(expected.in_view, of_tracks, 0.0)
-        at = AssociationInput(
-            self._track_filter, expected, detections, measured, ahead.table.run, probability, config.gate, density
+        inputs = AssociationInput(
+            self._track_filter, expected, detections, measured, later.table.run, probability, config.gate, density
         )
-        result = associated(config, at, ahead.table, origin, of_tracks, self._manager.compute)
-        table, ends = self._manager.judged(ahead.table, result, at)
-        begins = self.initial.sensors is None or scan.sensor in self.initial.sensors
-        begins &= SENSOR_MODELS[scan.kind].measures_position()
-        table = succeeded(table, ~ends, self._manager.begun(at, result.unclaimed, origin) if begins else None)
-        table, next_id = numbered(table, self._manager.logic.confirms(table.evidence), ahead.next_id)
-        undetected = ahead.undetected
+        result = associated(config, inputs, later.table, origin, of_tracks, self._manager.compute)
+        table, is_ending = self._manager.after_scan(later.table, result, inputs)
+        may_begin = self.initial.sensors is None or scan.sensor in self.initial.sensors
+        may_begin &= SENSOR_MODELS[scan.kind].measures_position()
+        new_tracks = self._manager.new_tracks(inputs, result.unclaimed, origin) if may_begin else None
+        table = with_new_tracks(table, ~is_ending, new_tracks)
+        table, next_id = with_ids(table, self._manager.logic.confirms(table.evidence), later.next_id)
+        undetected = later.undetected
         if config.method in EXISTENCE:
             detects = self._detectability.stated(scan), self._detectability.half_range_m(scan)
             undetected = undetected.after_scan(scan, *detects)
-        after = MultiObjectState(scan.time, table, next_id, undetected, expected.belief, ahead.table)
+        after = MultiObjectState(scan.time, table, next_id, undetected, expected.belief, later.table)
         return after, self._tracks(table, runs)
 
     def _prediction(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
-        ahead, belief = self._at(state, time), state.table.belief
+        later, belief = self._at(state, time), state.table.belief
         if len(state.table.run):
             belief = compact(self._track_filter.filter.predict(belief, time - state.time))
-        ahead = ahead._replace(table=ahead.table._replace(belief=belief))
-        table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
-        return ahead, self._tracks(table, len(ahead.next_id))
+        later = later._replace(table=later.table._replace(belief=belief))
+        table = later.table._replace(used=np.full_like(later.table.used, NONE))
+        return later, self._tracks(table, len(later.next_id))
 
     def predicted(self, state: MultiObjectState, run: int) -> Tracks:
-        """The tracks of one run, ``(K,)``, as they were expected at the latest scan, before its detections."""
+        """Return the tracks of one run, ``(K,)``, predicted to the latest scan, before its detections."""
         assert state.before is not None
         assert state.expected is not None
         table = state.before._replace(belief=compact(state.expected)).select(state.before.run == run)
-        return _alone(
+        return _single_run(
             self._tracks(table._replace(run=np.zeros_like(table.run), used=np.full_like(table.used, NONE)), 1)
         )
 
     def _at(self, state: MultiObjectState, time: float) -> MultiObjectState:
-        """The state at a later time, but for the beliefs."""
+        """Return the state at a later time, with beliefs unchanged."""
         elapsed, table, config = time - state.time, state.table, self.associate
         undetected = state.undetected
         if config.method in EXISTENCE:
@@ -185,12 +186,12 @@ class MultiObjectTracker(BuiltInTracker):
         return reported_tracks(table, self._track_filter.filter, table.evidence[0], runs, least)
 
 
-def _alone(tracks: Tracks) -> Tracks:
+def _single_run(tracks: Tracks) -> Tracks:
     return Tracks._make(None if part is None else part[..., 0] for part in tracks)
 
 
 def build_multi(config: FilterConfig) -> LateScans:
-    """The tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
+    """Return the multi-object tracker of a scenario's ``filter:`` entry with ``associate:``."""
     assert config.associate is not None
     tracker = MultiObjectTracker(filter_of(config), config.initial, associate=config.associate, **config.scan_options)
     return LateScans(tracker, config.late, config.lag_s)

@@ -1,4 +1,4 @@
-"""The options of the built-in sources of truth."""
+"""Options of the built-in sources of truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The options of a recording's rows: names and units of their columns, and which of them count where."""
+"""Options of a recording's rows: names and units of columns, and which rows are scored."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackbench.base.config import Config, Positive, Problem
 from trackbench.base.errors import nearest_choices
 from trackbench.truth.config.logs import Paths
 
-#: The units that columns may have, in SI units and radians.
+#: Units that columns may have, with their size in SI units and radians.
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "length": {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
@@ -21,7 +21,7 @@ UNITS: dict[str, dict[str, float]] = {
     "probability": {},
 }
 UNITS["size"] = UNITS["length"]
-#: The quantity in each column of a motion; that of a measurement's component follows from its unit.
+#: Quantity in each column of a motion, and quantity of a measurement's component by its unit.
 MOTION_QUANTITIES = {
     "time": "time",
     **dict.fromkeys(("px", "py"), "length"),
@@ -38,25 +38,25 @@ _OWN_UNITS = "Units of single columns, by the keys above: `{time: us, %s: deg}`;
 
 
 class Units(Config):
-    """The units of all columns that state none of their own."""
+    """Units of all columns without a unit of their own."""
 
-    time: Literal["s", "ms", "us", "ns"] = Field("s", description="Of times; the truth's first instant becomes 0 s.")
-    length: Literal["m", "km", "cm", "mm", "ft"] = Field("m", description="Of positions and ranges.")
-    speed: Literal["mps", "kmph", "mph"] = Field("mps", description="Of velocities and range rates.")
-    angle: Literal["rad", "deg"] = Field("rad", description="Of angles, and per second of turn rates.")
+    time: Literal["s", "ms", "us", "ns"] = Field("s", description="Unit of times; the truth starts at 0 s.")
+    length: Literal["m", "km", "cm", "mm", "ft"] = Field("m", description="Unit of positions and ranges.")
+    speed: Literal["mps", "kmph", "mph"] = Field("mps", description="Unit of velocities and range rates.")
+    angle: Literal["rad", "deg"] = Field("rad", description="Unit of angles, and per second of turn rates.")
 
-    def factor(self, quantity: str | None, own: str | None) -> float:
-        """What a column is multiplied by; ``own`` is the unit that it states itself."""
-        stated = {**dict(self), "size": self.length}
-        return 1.0 if quantity not in stated else UNITS[quantity][own or stated[quantity]]
+    def factor(self, quantity: str | None, own_unit: str | None) -> float:
+        """Return the factor to SI units for a quantity; ``own_unit`` is the column's own unit, if stated."""
+        units = {**dict(self), "size": self.length}
+        return 1.0 if quantity not in units else UNITS[quantity][own_unit or units[quantity]]
 
 
 def unit_problems(units: Mapping[str, str], quantities: Mapping[str, str | None]) -> Iterator[Problem]:
-    """What is wrong with the units of single columns.
+    """Yield what is wrong with the units of single columns.
 
     Args:
-        units: by the columns' keys.
-        quantities: of all columns that are given, by key.
+        units: units by key of the column.
+        quantities: quantity of each given column, by key.
     """
     for key, unit in units.items():
         quantity = quantities.get(key)
@@ -71,7 +71,7 @@ def unit_problems(units: Mapping[str, str], quantities: Mapping[str, str | None]
 
 
 class MotionColumns(Config):
-    """What the columns of the truth and of the observer have in common."""
+    """Columns shared by the truth and the observer."""
 
     px: str = Field(description="Position along x in the fixed frame.")
     py: str = Field(description="Position along y in the fixed frame.")
@@ -82,16 +82,16 @@ class MotionColumns(Config):
 
     @property
     def stated(self) -> dict[str, str]:
-        """The columns that are given, by key."""
+        """Given columns by key."""
         return {key: value for key, value in self if key in MOTION_QUANTITIES and value is not None}
 
     @property
     def without_velocity(self) -> bool:
-        """Whether there are positions alone."""
+        """Whether the columns have positions but no velocity."""
         return all(getattr(self, key) is None for pair in VELOCITY for key in pair)
 
     def velocity_problems(self) -> Iterator[Problem]:
-        """What is wrong with how the velocity is given."""
+        """Yield what is wrong with the columns of the velocity."""
         pairs = [pair for pair in VELOCITY if any(getattr(self, key) is not None for key in pair)]
         if len(pairs) > 1:
             yield Problem((), "the velocity is given twice: write vx and vy, or speed and course")
@@ -101,10 +101,10 @@ class MotionColumns(Config):
 
 
 class ObserverColumns(MotionColumns):
-    """Columns with the motion of what carries the sensors.
+    """Columns with the motion of the observer, which carries the sensors.
 
-    Between its rows the position, the heading (the short way round) and the velocity are interpolated linearly. Without
-    columns of the velocity it is that of the displacement.
+    Position, heading (the short way round) and velocity are interpolated linearly between rows. Without columns of the
+    velocity it is computed from the displacement.
     """
 
     path: Paths = Field(description="The file, of the same format.")
@@ -119,9 +119,9 @@ class ObserverColumns(MotionColumns):
 
 
 class TruthColumns(MotionColumns):
-    """Names of the columns that hold the true motion. The velocity is vx and vy, or speed and course.
+    """Names of the columns with the true motion. The velocity is vx and vy, or speed and course.
 
-    With hidden identities it may be left out; then it is that of the displacement.
+    With hidden identities the velocity may be left out; it is then computed from the displacement.
     """
 
     time: str = Field(description="Time.")
@@ -140,17 +140,17 @@ class TruthColumns(MotionColumns):
 
 
 class MeasurementColumns(Config):
-    """Names of the columns that hold a sensor's measurements; where they are empty, it did not detect the object.
+    """Names of the columns with a sensor's measurements; where they are empty, the object was not detected.
 
-    Beside the keys below there is one for each component of the sensor's measurement: range, azimuth and range_rate of
-    a radar, x and y of a lidar (`trackbench list sensors` shows them). A radar whose file has positions has x (forward)
-    and y (left), in its own frame, in place of range and azimuth.
+    Beside the keys below there is a key for each component of the sensor's measurement: range, azimuth and range_rate
+    for a radar, x and y for a lidar (`trackbench list sensors` shows them). A radar whose file has positions has x
+    (forward) and y (left), in the sensor's frame, instead of range and azimuth.
     """
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, str] = Field(init=False)
 
-    path: Paths | None = Field(None, description="The file, of the same format; that of the truth unless given.")
+    path: Paths | None = Field(None, description="The file, of the same format; the truth's file unless given.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
     object: str | None = Field(
         None,
@@ -159,16 +159,16 @@ class MeasurementColumns(Config):
     )
     slot: str | None = Field(
         None,
-        description="Of unlabelled detections: the sensor's own number of a track, which trackers are not told. By it "
-        "the rows of one cycle are found, which may be some ms apart; without it, those of one time are a scan.",
+        description="For unlabelled detections: the sensor's own number of a track, which trackers are not told. It "
+        "shows which rows belong to one cycle, even some ms apart; without it, the rows of one time are a scan.",
     )
     new_track: str | None = Field(
-        None, description="Of unlabelled detections: 1 where the slot took a new object, else 0."
+        None, description="For unlabelled detections: 1 where the slot took a new object, else 0."
     )
     copies_within_m: Positive | None = Field(
         None,
-        description="Of unlabelled detections: of those of one cycle nearer to each other than this, m, the one of "
-        "the older slot is kept: some radars list an object twice. All are kept unless given.",
+        description="For unlabelled detections: distance, m, below which only the detection of the older slot is kept "
+        "of two in one cycle: some radars list an object twice. All are kept unless given.",
     )
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "azimuth")
     time_offset_s: float = Field(
@@ -181,19 +181,19 @@ class MeasurementColumns(Config):
 
     @property
     def components(self) -> dict[str, str]:
-        """The column of each component of a measurement that is given."""
+        """Column of each given component of the measurement."""
         return dict(self.__pydantic_extra__)
 
     def of_sensor(self, components: tuple[str, ...]) -> tuple[str, ...]:
-        """The components that the file has of a sensor's: of a radar, it may have a position as x and y."""
+        """Return the sensor's components in the file; a radar's position may be given as x and y."""
         cartesian = components[:2] == POLAR and any(name in self.components for name in CARTESIAN)
         return (*CARTESIAN, *components[2:]) if cartesian else components
 
     def quantities(self, components: tuple[str, ...], units: tuple[str, ...]) -> dict[str, str | None]:
-        """The quantity in each of these columns, from the components of the sensor and their units; None: as it is."""
+        """Return the quantity of each component in the file; None for a component read without conversion."""
         names = self.of_sensor(components)
-        own = units if names == components else ("m", "m", *units[2:])
-        return {name: COMPONENT_QUANTITIES.get(unit) for name, unit in zip(names, own, strict=True)}
+        component_units = units if names == components else ("m", "m", *units[2:])
+        return {name: COMPONENT_QUANTITIES.get(unit) for name, unit in zip(names, component_units, strict=True)}
 
     def problems(self) -> Iterator[Problem]:
         if self.new_track is not None and self.slot is None:
@@ -201,10 +201,10 @@ class MeasurementColumns(Config):
 
 
 class ReferenceOptions(Config):
-    """What of a recorded truth counts.
+    """Options that say which parts of a recorded truth are scored.
 
-    An object out of range or of another class need not be tracked, and a track there is not false: neither changes a
-    score. The same holds on a don't-care box, which KITTI and MOTChallenge have.
+    Objects out of range or of another class, and tracks on them, do not change any score. The same holds on the
+    don't-care boxes of KITTI and MOTChallenge.
     """
 
     range_m: Positive | None = Field(
@@ -224,5 +224,5 @@ class ReferenceOptions(Config):
 
     @property
     def of_tracks(self) -> list[str]:
-        """The keys that are given of those that say what counts."""
+        """Given keys that restrict what is scored."""
         return [key for key in ("range_m", "classes", "others") if getattr(self, key)]

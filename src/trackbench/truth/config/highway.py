@@ -1,4 +1,4 @@
-"""The options of traffic simulated by highway-env."""
+"""Options of traffic simulated by highway-env."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ LARGEST_SEED = 2**32 - 1
 
 
 class NearestTargets(Config):
-    """The vehicles that come closest to the observer."""
+    """Targets chosen as the vehicles that come closest to the observer."""
 
     nearest: int = Field(ge=1, le=1000, description="How many vehicles to track.")
 
 
 class IdTargets(Config):
-    """Vehicles by name."""
+    """Targets chosen by name."""
 
     ids: list[str] = Field(min_length=1, description="Names of the vehicles to track, such as v1.")
 
@@ -40,7 +40,7 @@ class IdTargets(Config):
 class VehicleSizes(Config):
     """Shares of the vehicles that are longer than highway-env's 5 m x 2 m.
 
-    Their motion is the same: highway-env drives, and checks for collisions, with its own size.
+    The motion does not change: highway-env drives and checks collisions with its own size.
     """
 
     van: float = Field(0, ge=0, le=1, description="Share that is 7 m x 2 m, 0 to 1.")

@@ -1,4 +1,4 @@
-"""The files of a recording: of one log, or of several, each of which is a scene."""
+"""Files of a recording, of one log or of several; each log is a scene."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Paths = Annotated[
 ]
 
 
-#: The file by which the folder of a ROS 2 bag is known.
+#: File that marks the folder of a ROS 2 bag.
 BAG = "metadata.yaml"
 
 
 def is_log(path: Path) -> bool:
-    """Whether a path is a file, or the folder of a ROS 2 bag."""
+    """Return whether a path is a file, or the folder of a ROS 2 bag."""
     return path.is_file() or (path / BAG).is_file()
 
 
@@ -38,15 +38,15 @@ _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
 
 def find_log(path: Paths, folder: Path, key: str) -> Path:
-    """The file that a scenario names.
+    """Return the file that a scenario names.
 
     Args:
-        path: of one log, as the scenario gives it; environment variables are filled in.
-        folder: the scenario's, where a relative path starts; then the working directory.
-        key: the scenario's key, for error messages.
+        path: file of one log, as in the scenario; environment variables are filled in.
+        folder: folder of the scenario, where a relative path starts; then the working directory.
+        key: key of the scenario, for error messages.
 
     Raises:
-        InputError: a variable is not set, or there is no such file.
+        InputError: a variable is not set, or the file does not exist.
     """
     assert isinstance(path, str)
     expanded = Path(os.path.expanduser(os.path.expandvars(path)))
@@ -70,12 +70,12 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
 
 
 def log_names(paths: Sequence[str]) -> list[str]:
-    """What tells the files of several logs apart: the part of their paths in which they differ, without the ending."""
+    """Return names that tell several logs apart: the parts of their paths that differ, without the ending."""
     parts = [Path(path).with_suffix("").parts for path in paths]
-    first, last = _alike(parts), _alike([part[::-1] for part in parts])
+    first, last = _common_parts(parts), _common_parts([part[::-1] for part in parts])
     names = ["/".join(part[first : len(part) - last]) for part in parts]
     return names if len({*names}) == len(paths) and all(names) else [*paths]
 
 
-def _alike(parts: Sequence[tuple[str, ...]]) -> int:
+def _common_parts(parts: Sequence[tuple[str, ...]]) -> int:
     return sum(1 for _ in takewhile(lambda each: len({*each}) == 1, zip(*parts, strict=False)))

@@ -1,4 +1,4 @@
-"""The options of a recording: its files, and what is read of them."""
+"""Options of a recording: its files, and what is read from them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from trackbench.truth.jumps import Position, Velocity
 
 
 class FixedObserver(Config):
-    """A point beside the road that carries the sensors.
+    """Fixed point beside the road with the sensors.
 
-    The fixed frame is highway-env's with its y turned up, so that angles count counter-clockwise from above.
+    The fixed frame is highway-env's with y reversed, so that angles count counter-clockwise from above.
     """
 
     x: Position = Field(0, description="Position along x in the fixed frame, m.")
@@ -34,7 +34,7 @@ class FixedObserver(Config):
 
 
 class MovingObserver(FixedObserver):
-    """A point that carries the sensors, at rest or in straight and steady motion, which may turn as it goes."""
+    """Point with the sensors, at rest or in straight and steady motion, which may turn as it goes."""
 
     vx_mps: Velocity = Field(0, description="Velocity along x in the fixed frame, m/s.")
     vy_mps: Velocity = Field(0, description="Velocity along y in the fixed frame, m/s.")
@@ -47,7 +47,7 @@ TABLES = ("csv", "parquet")
 
 
 class ReferenceTruth(TruthSource):
-    """Boxes of a reference, as they were recorded."""
+    """Recorded reference boxes as ground truth."""
 
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
     length_m: Positive = Field(4.5, description="Length of every object of which the file does not state it, m.")
@@ -63,7 +63,7 @@ class ReferenceTruth(TruthSource):
 
     @property
     def number_of_logs(self) -> int:
-        """Number of recordings, each of which is a scene."""
+        """Number of recordings; each is a scene."""
         return 1
 
     @property
@@ -72,7 +72,7 @@ class ReferenceTruth(TruthSource):
 
 
 class RecordingOptions(ReferenceTruth):
-    """Motion from a file, and measurements where it has them."""
+    """Options of a recording: motion from a file, and measurements if the file has them."""
 
     format: Literal["udacity", "csv", "parquet"] = Field(
         description="udacity: text of the Udacity simulator, whose L lines feed the sensor of type lidar and whose R "
@@ -107,33 +107,33 @@ class RecordingOptions(ReferenceTruth):
 
     @property
     def hidden(self) -> bool:
-        """Whether nothing tells trackers of which object a detection is."""
+        """Whether trackers are not told the objects of detections."""
         return self._hidden
 
     def with_hidden_identities(self) -> Self:
         return self._with(_hidden=True)
 
     def every_second(self, first: int) -> Self:
-        """Every second log, or stretch of one, from the one of that number on."""
+        """Return the recording with every second log, or stretch of a log, starting with number ``first``."""
         return self._with(_every=slice(first, None, 2))
 
     @property
     def number_of_logs(self) -> int:
-        """Number of logs, each of which has a file of each kind."""
+        """Number of logs; each has a file of each kind."""
         return max((len(path) for path in self._paths().values() if isinstance(path, list)), default=1)
 
     def scenes(self) -> Sequence[Self]:
         paths = [path for path in self._paths().values() if isinstance(path, list)]
-        logs = [self._log(number, name) for number, name in enumerate(log_names(paths[0]))] if paths else [self]
-        left = logs[self._every] if self.stretches is None else logs
-        return tuple(log._with(_every=slice(None)) for log in left)
+        logs = [self._scene(number, name) for number, name in enumerate(log_names(paths[0]))] if paths else [self]
+        chosen = logs[self._every] if self.stretches is None else logs
+        return tuple(log._with(_every=slice(None)) for log in chosen)
 
     @property
     def counted_stretches(self) -> list[tuple[int, int]]:
         return super().counted_stretches[self._every]
 
     def unlabelled(self, sensor: str) -> bool:
-        """Whether nothing says of which object the recorded detections of a sensor are."""
+        """Return whether the objects of a sensor's recorded detections are unknown."""
         entry = self.measurements[sensor]
         return self.without_truth or (self._hidden and entry.path is not None and entry.object is None)
 
@@ -144,7 +144,7 @@ class RecordingOptions(ReferenceTruth):
         return result
 
     def _paths(self) -> dict[KeyPath, str | list[str]]:
-        """All that are given, by key; that of the truth comes first."""
+        """Return all given paths by key; the truth's path comes first."""
         entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None] = {
             (): self,
             **{("readings", name): entry for name, entry in self.measurements.items()},
@@ -152,12 +152,10 @@ class RecordingOptions(ReferenceTruth):
         }
         return {(*key, "path"): entry.path for key, entry in entries.items() if entry is not None and entry.path}
 
-    def _log(self, number: int, name: str) -> Self:
-        """One of several logs; ``name`` is that of the scene."""
-
+    def _scene(self, number: int, name: str) -> Self:
         def of_log(entry: Any) -> Any:
-            several = entry is not None and isinstance(entry.path, list)
-            return entry.model_copy(update={"path": entry.path[number]}) if several else entry
+            has_list = entry is not None and isinstance(entry.path, list)
+            return entry.model_copy(update={"path": entry.path[number]}) if has_list else entry
 
         update = {
             "measurements": {key: of_log(entry) for key, entry in self.measurements.items()},
@@ -166,7 +164,6 @@ class RecordingOptions(ReferenceTruth):
         return of_log(self).model_copy(update=update)._with(_log_name=name)  # type: ignore[no-any-return]
 
     def _problems_of_logs(self) -> Iterator[Problem]:
-        """What is wrong between the files of several logs."""
         paths = self._paths()
         if not any(isinstance(path, list) for path in paths.values()):
             return
@@ -174,21 +171,21 @@ class RecordingOptions(ReferenceTruth):
         for key, path in paths.items():
             files = path if isinstance(path, list) else [path]
             if len(files) != expected:
-                each = f"one for each of the {expected} of truth.{'.'.join(map(str, first))}, in the same order"
-                yield Problem(key, f"{counted(len(files), 'file')}, where there must be {each}")
+                needed = f"one for each of the {expected} of truth.{'.'.join(map(str, first))}, in the same order"
+                yield Problem(key, f"{counted(len(files), 'file')}, where there must be {needed}")
             for index, file in enumerate(files):
                 if file in files[:index]:
                     yield Problem((*key, index), f"{file} is there already; each log is another file")
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
-        """Those of the sensors, given by name with their kinds, whose measurements are recorded."""
+        """Return the sensors, among those given by name with their kinds, with recorded measurements."""
         if self.format == "udacity":
             return {name: kind for name, kind in kinds.items() if sensor_type(kind) in ("lidar", "radar")}
         return {name: kind for name, kind in kinds.items() if name in self.measurements}
 
     @property
     def without_truth(self) -> bool:
-        """Whether there are measurements alone."""
+        """Whether the recording has measurements only."""
         return self.path is None
 
     def problems(self) -> Iterator[Problem]:
@@ -199,8 +196,8 @@ class RecordingOptions(ReferenceTruth):
 
     def _problems_with_truth(self) -> Iterator[Problem]:
         if self.format not in TABLES:
-            fixed = ("columns", "units", "measurements", "reference", "ego")
-            for name in (name for name in fixed if name in self.model_fields_set):
+            unused_keys = ("columns", "units", "measurements", "reference", "ego")
+            for name in (name for name in unused_keys if name in self.model_fields_set):
                 key = type(self).model_fields[name].alias or name
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
         elif self.columns is None:

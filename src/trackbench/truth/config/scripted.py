@@ -1,4 +1,4 @@
-"""Motion written down piece by piece."""
+"""Options of scripted motion, written piece by piece."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.recording import MovingObserver
 from trackbench.truth.jumps import Position, Speed, Velocity
 
-#: The kinds of motion that a piece can have, and the keys that each adds.
+#: Kinds of motion of a piece, with the keys that each adds.
 KINDS: dict[str, tuple[str, ...]] = {"white": (), "white_acceleration": (), "waypoints": ("speed_mps",)}
-#: The keys of the kind of motion that needs no word: a constant turn rate and acceleration, zero unless given.
+#: Keys of the default kind of motion: constant turn rate and acceleration, zero unless given.
 STEADY = ("turn_rate_degps", "acceleration_mps2")
 
 Waypoint = Annotated[list[Position], Field(min_length=2, max_length=2)]
 
 
 class ScriptedStart(Config):
-    """Where a body is at the start, and its velocity: speed and course, or its components."""
+    """Position and velocity of a body at the start; the velocity by speed and course, or by components."""
 
     x: Position = Field(0, description="Position along x in the fixed frame, m.")
     y: Position = Field(0, description="Position along y in the fixed frame, m.")
@@ -45,7 +45,7 @@ class ScriptedStart(Config):
 
 
 class WhiteMotion(OptionsBeside):
-    """A motion model driven by its own noise, drawn anew in each run and at each truth step."""
+    """Motion model driven by its own noise, drawn anew in each run and at each truth step."""
 
     motion: Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)] = Field(
         description="The motion model (`trackbench list motion-models` shows them), or one of your own as "
@@ -61,11 +61,11 @@ class WhiteAcceleration(Config):
 
 
 class Piece(Config):
-    """A stretch of one kind of motion, which goes on from where the piece before it ends.
+    """Stretch of one kind of motion, which starts where the previous piece ends.
 
-    Without any other key it is straight and steady. In random motion the noise is constant from one truth step to the
-    next, as in the trackers' own models: their process noise is that of the truth where they read a sensor
-    at every truth step.
+    Without other keys the motion is straight and steady. In random motion the noise is constant over each truth step,
+    as in the trackers' motion models. So a tracker that reads a sensor at every truth step has the process noise of the
+    truth.
     """
 
     for_s: Positive | None = Field(
@@ -82,8 +82,8 @@ class Piece(Config):
     )
     until_stop: bool = Field(
         False,
-        description="Of a negative acceleration: whether the object stands from where its speed is zero to the end of "
-        "the piece, and does not reverse.",
+        description="For a negative acceleration: whether the object stands still once its speed is zero, until the "
+        "end of the piece, instead of reversing.",
     )
     white: WhiteMotion | None = Field(None, description="Random motion: a motion model driven by its own noise.")
     white_acceleration: WhiteAcceleration | None = Field(
@@ -106,8 +106,7 @@ class Piece(Config):
 
     @property
     def acceleration_sigma(self) -> float | None:
-        """Standard deviation of its white acceleration, m/s^2: 0 of steady motion; None where that is not all of it, or
-        differs by axis."""
+        """Standard deviation of white acceleration, m/s^2; 0 for steady motion, None for other noise."""
         if self.white is not None:
             motion = self.white.motion
             return motion.acceleration_sigma_mps2 if isinstance(motion, ConstantVelocity) else None
@@ -135,7 +134,7 @@ class Piece(Config):
 
 
 class ScriptedBody(Config):
-    """A body and its motion."""
+    """Body with its scripted motion."""
 
     start: ScriptedStart = Field(default_factory=ScriptedStart, description="Position and velocity at the start.")
     length_m: Positive = Field(4.5, description="Length, m, to draw it and to hide others.")
@@ -148,12 +147,12 @@ class ScriptedBody(Config):
 
     @property
     def random(self) -> bool:
-        """Whether its motion differs from run to run."""
+        """Whether the motion differs from run to run."""
         return any(piece.random for piece in self.pieces)
 
 
 class ScriptedObject(ScriptedBody):
-    """An object and its motion."""
+    """Object with its scripted motion."""
 
     target: bool = Field(
         True, description="Whether it is tracked; false needs hidden identities, where it still causes detections."
@@ -161,7 +160,7 @@ class ScriptedObject(ScriptedBody):
 
 
 class ScriptedObserver(ScriptedBody):
-    """A vehicle that carries the sensors and drives like an object. It points where it drives."""
+    """Vehicle that carries the sensors and drives like an object; it points where it drives."""
 
     length_m: Positive = Field(5.0, description="Length, m.")
     width_m: Positive = Field(2.0, description="Width, m.")
@@ -193,7 +192,7 @@ Observer = Annotated[
 
 
 class ScriptedOptions(SteppedTruth):
-    """Motion written down piece by piece, exact in position and velocity."""
+    """Options of scripted motion, exact in position and velocity."""
 
     observer: Observer = Field(
         default_factory=MovingObserver, description="What carries the sensors: a point, or a vehicle that drives."
@@ -214,27 +213,26 @@ class ScriptedOptions(SteppedTruth):
         if not any(body.target for body in self.objects.values()):
             yield Problem(("objects",), "no object is a target; leave target out of one")
         for name, body in self.objects.items():
-            for problem in self._times(body.pieces):
+            for problem in self._duration_problems(body.pieces):
                 yield Problem(("objects", name, "pieces", *problem.at), problem.message)
         if isinstance(self.observer, ScriptedObserver):
-            for problem in self._times(self.observer.pieces):
+            for problem in self._duration_problems(self.observer.pieces):
                 yield Problem(("observer", "pieces", *problem.at), problem.message)
 
-    def _times(self, pieces: list[Piece]) -> Iterator[Problem]:
-        """Durations of pieces that do not add up to the length of the scene."""
-        last, whole = len(pieces) - 1, True
+    def _duration_problems(self, pieces: list[Piece]) -> Iterator[Problem]:
+        last, is_valid = len(pieces) - 1, True
         for index, piece in enumerate(pieces):
             steps = None if piece.for_s is None else piece.for_s * self.rate_hz
             if steps is None and index < last:
                 yield Problem((index, "for_s"), "missing; only the last piece may leave it out")
-                whole = False
+                is_valid = False
             elif steps is not None and (abs(steps - round(steps)) > 1e-6 or round(steps) == 0):
                 near = f"{max(1, round(steps)) / self.rate_hz:g}"
                 message = f"must be a multiple of the truth step, which is {1 / self.rate_hz:g} s; use {near}"
                 yield Problem((index, "for_s"), message)
-                whole = False
-        lasting = sum(piece.for_s or 0.0 for piece in pieces)
-        rest, is_open = self.duration_s - lasting, pieces[last].for_s is None
-        if whole and (rest < 1e-6 if is_open else abs(rest) > 1e-6):
-            message = f"pieces last {lasting:g} s, but truth.duration_s is {self.duration_s:g}"
+                is_valid = False
+        pieces_s = sum(piece.for_s or 0.0 for piece in pieces)
+        rest_s, is_open = self.duration_s - pieces_s, pieces[last].for_s is None
+        if is_valid and (rest_s < 1e-6 if is_open else abs(rest_s) > 1e-6):
+            message = f"pieces last {pieces_s:g} s, but truth.duration_s is {self.duration_s:g}"
             yield Problem((last,) if is_open else (last, "for_s"), message)

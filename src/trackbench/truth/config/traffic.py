@@ -1,4 +1,4 @@
-"""The options of recorded traffic, and of boxes and tracks in the same formats."""
+"""Options of recorded traffic, and of boxes and tracks in the same formats."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ Vehicle = Annotated[str, Field(min_length=1)]
 
 
 def files_in(path: str | list[str]) -> list[str]:
-    """List the files of a key that names one or several."""
+    """Return the files of a key that names one file or several."""
     return [path] if isinstance(path, str) else path
 
 
 class VehicleObserver(Config):
-    """A vehicle that carries the sensors, or several, each in a scene of its own."""
+    """Vehicle that carries the sensors, or several vehicles, each in a scene of its own."""
 
     vehicle: Annotated[
         Annotated[Vehicle, Tag(WORD)] | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
@@ -65,17 +65,17 @@ def _observer_kind(value: Any) -> str | None:
 
 
 class Smoothing(Config):
-    """A polynomial through the positions around each instant, by least squares.
+    """Least-squares polynomial through the positions around each instant.
 
-    Its slope is the velocity, and the position is the integral of that, so that the two agree.
+    Its slope is the velocity, and the integral of the velocity is the position, so that both agree.
     """
 
     window_s: float = Field(2.1, gt=0, le=60, description="Length of the window, centred on the instant, s.")
-    order: int = Field(2, ge=1, le=5, description="Of the polynomial.")
+    order: int = Field(2, ge=1, le=5, description="Order of the polynomial.")
 
 
 class TrafficOptions(TruthSource, OptionsBeside):
-    """Traffic recorded from above or by a simulator: every vehicle's motion, which sensors on one of them see."""
+    """Options of traffic recorded from above or by a simulator, seen by sensors on a vehicle or at a point."""
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
     path: str | None = Field(None, min_length=1, description="The file. None with i80, which comes with the package.")
@@ -105,14 +105,14 @@ class TrafficOptions(TruthSource, OptionsBeside):
 
     @property
     def vehicles(self) -> list[str]:
-        """The vehicles that carry the sensors, one for each scene; empty where a fixed point does."""
+        """Vehicles that carry the sensors, one for each scene; empty for a fixed observer."""
         if isinstance(self.observer, FixedObserver):
             return []
         return self.observer.vehicle if isinstance(self.observer.vehicle, list) else [self.observer.vehicle]
 
     @property
     def scene(self) -> int:
-        """Which of the scenes this is, from 0."""
+        """Number of this scene, from 0."""
         return self._scene
 
     @property
@@ -133,7 +133,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
 
 
 class BoxesOptions(ReferenceTruth, OptionsBeside):
-    """Boxes of a reference as they stand in a file: an id is one object, due at the time stamps of the file."""
+    """Options of reference boxes in a file: each id is one object, due at the file's time stamps."""
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
     path: Paths = Field(description="The file. Of several sequences a list of files, each of which is a scene.")
@@ -156,7 +156,7 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     @property
     def has_observer(self) -> bool:
-        """Whether it is known where the sensors stand: it is stated, or the origin of the format."""
+        """Whether the sensors' place is known: stated, or the origin of the format."""
         return self.format.from_sensor or "observer" in self.model_fields_set
 
     def problems(self) -> Iterator[Problem]:
@@ -173,7 +173,7 @@ AUTO = "auto"
 
 
 class TracksConfig(OptionsBeside):
-    """Tracks that another program wrote into a file."""
+    """Options of tracks in a file, written by another program."""
 
     use: Literal["tracks"] = Field(description="tracks.")
     path: Paths = Field(description="The file. Or a list of files, one for each scene in the order of the scenes.")
@@ -200,19 +200,19 @@ class TracksConfig(OptionsBeside):
 
     @property
     def sensors(self) -> None:
-        """It names none."""
+        """Names of the tracker's sensors: none."""
 
     @property
     def sensors_used(self) -> list[str]:
-        """It reads none of the scenario's."""
+        """Names of the scenario's sensors that the tracker uses: none."""
         return []
 
 
 def format_of(path: str) -> str:
-    """The name of the format of a file's ending.
+    """Return the name of the format for a file's ending.
 
     Raises:
-        PydanticCustomError: no format has it, or several.
+        PydanticCustomError: no format has this ending, or several have it.
     """
     ending = PurePath(path).suffix.lower()
     names = [name for name, form in TRAFFIC_FORMATS.loaded().items() if ending in form.endings]
@@ -224,15 +224,15 @@ def format_of(path: str) -> str:
 
 
 def read_tracks(config: TracksConfig, name: str, folder: Path) -> list[TrackRows]:
-    """Return all rows of each file, in the order of time.
+    """Return all rows of each file, sorted by time.
 
     Args:
         config: the scenario's entry.
-        name: of the tracker.
-        folder: the scenario's, where a relative path starts.
+        name: name of the tracker.
+        folder: folder of the scenario, where a relative path starts.
 
     Raises:
-        InputError: there is no such file, or it is damaged.
+        InputError: a file does not exist or is damaged.
     """
     files = [find_log(path, folder, f"trackers.{name}.path") for path in files_in(config.path)]
     return [read_rows(config.format, file).ordered(file) for file in files]

@@ -1,1 +1,1 @@
-"""Formats of recorded traffic: one file each, published under the entry points of ``TRAFFIC_FORMATS``."""
+"""Formats of recorded traffic, each a file published under the entry points of ``TRAFFIC_FORMATS``."""

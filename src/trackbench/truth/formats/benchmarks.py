@@ -1,4 +1,4 @@
-"""Text files of tracking benchmarks, whose cells stand at fixed places: MOTChallenge, and KITTI.
+"""Text files of the tracking benchmarks MOTChallenge and KITTI, with cells at fixed places.
 
 Sources: Dendorfer et al. (2021), "MOTChallenge: A Benchmark for Single-Camera Multiple Target Tracking", section 3.4,
 and the 3D benchmark of 2015, whose x and y are metres on the ground; Geiger, Lenz and Urtasun (2012), "Are we ready for
@@ -24,7 +24,7 @@ from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 
 def _read_cells(file: Path, separator: str | None, layout: Sequence[str]) -> Rows:
-    """The first cells of the lines of a file that are not empty, as columns "column 1", "column 2" and so on."""
+    """Read the first cells of all lines that are not empty, as columns "column 1", "column 2" and so on."""
     lines = [(number, text) for number, text in enumerate(log_text(file).splitlines(), 1) if text.strip()]
     cells = [text.split(separator) for _, text in lines]
     for (number, _), row in zip(lines, cells, strict=True):
@@ -49,7 +49,7 @@ MOT_COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x
 class MotChallenge(TrafficFormat):
     """MOTChallenge with positions on the ground: frame, id, left, top, width, height, confidence, x, y, z.
 
-    Of boxes, a confidence of 0 says don't care.
+    A box with confidence 0 is a don't-care box.
     """
 
     endings: ClassVar[tuple[str, ...]] = (".txt",)
@@ -68,7 +68,7 @@ class MotChallenge(TrafficFormat):
 FRAME, ID, TYPE, WIDTH, LENGTH, X, Z, ROTATION = 0, 1, 2, 11, 12, 13, 15, 16
 KITTI_COLUMNS = ("frame", "id", "type", *(f"number {place}" for place in range(1, 15)))
 NO_OBJECT = "DontCare"
-#: m, in place of a coordinate of what has a box in the picture alone.
+#: Coordinate of an entry that has a box in the picture only, m.
 NOWHERE = -1000.0
 
 
@@ -80,10 +80,10 @@ class Kitti(TrafficFormat):
     rate_hz: Positive = Field(10, description="Frames per second, Hz; frame 0 is at 0 s.")
 
     def rows(self, file: Path) -> TrackRows:
-        every = _read_cells(file, None, KITTI_COLUMNS)
-        (ahead,) = _lengths(every, Z)
-        in_picture = (np.array(every.texts(_name(TYPE))) == NO_OBJECT) & (ahead == NOWHERE)
-        rows = every.only(~in_picture)
+        all_rows = _read_cells(file, None, KITTI_COLUMNS)
+        (ahead,) = _lengths(all_rows, Z)
+        is_in_picture = (np.array(all_rows.texts(_name(TYPE))) == NO_OBJECT) & (ahead == NOWHERE)
+        rows = all_rows.only(~is_in_picture)
         kinds = rows.texts(_name(TYPE))
         dont_care = np.array([kind == NO_OBJECT for kind in kinds], dtype=bool)
         if dont_care.all():

@@ -51,8 +51,7 @@ def _obstacles(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
 
 
 def _rows(item: ElementTree.Element) -> Iterator[tuple[str, str, tuple[float, ...]]]:
-    """Name, class and numbers of each state of an obstacle; none where it has a set of occupancies in place of a
-    trajectory."""
+    """Yield name, class and numbers of each state of an obstacle; none for occupancies instead of a trajectory."""
     name, kind = (item.get("id") or "").strip(), (item.findtext("type") or "").strip()
     if item.find("trajectory") is None:
         return
@@ -63,8 +62,8 @@ def _rows(item: ElementTree.Element) -> Iterator[tuple[str, str, tuple[float, ..
         size = [_number(item.findtext(f"shape/rectangle/{key}", str(diameter))) for key in ("length", "width")]
         for state in states:
             motion = [_number(state.findtext(path)) for path in ("time/exact", "position/point/x", "position/point/y")]
-            stated = (state.findtext(f"{key}/exact") for key in ("orientation", "velocity"))
-            yield name, kind, (*motion, *(math.nan if text is None else _number(text) for text in stated), *size)
+            texts = (state.findtext(f"{key}/exact") for key in ("orientation", "velocity"))
+            yield name, kind, (*motion, *(math.nan if text is None else _number(text) for text in texts), *size)
     except ValueError as error:
         raise ValueError(f"obstacle {name[:20]!r}: {error}") from None
 

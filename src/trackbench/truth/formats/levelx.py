@@ -1,4 +1,4 @@
-"""The drone recordings of levelX: highD, inD, rounD and exiD, each a table of tracks beside two of meta data.
+"""Drone recordings of levelX (highD, inD, rounD, exiD): a table of tracks with two tables of meta data.
 
 Sources: Krajewski et al. (2018), "The highD Dataset"; Bock et al. (2020), "The inD Dataset"; Krajewski et al. (2020),
 "The rounD Dataset"; Moers et al. (2022), "The exiD Dataset"; and the descriptions of the columns on levelxdata.com.
@@ -19,21 +19,21 @@ TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.cs
 
 
 class _LevelX(TrafficFormat):
-    """What the recordings have in common."""
+    """Format shared by the recordings of levelX."""
 
     endings: ClassVar[tuple[str, ...]] = (TRACKS,)
     id_column: ClassVar[str] = "trackId"
     x_column: ClassVar[str] = "xCenter"
     y_column: ClassVar[str] = "yCenter"
-    #: Of length and width in the table of tracks.
+    #: Columns of length and width in the table of tracks.
     size_columns: ClassVar[tuple[str, str]] = ("length", "width")
     from_above: ClassVar[bool] = True
-    """Whether x and y are of the centre in a frame seen from above; highD's are of a corner in the picture."""
+    """Whether x and y are the centre in a frame seen from above; in highD they are a corner in the picture."""
 
     def rows(self, file: Path) -> TrackRows:
         if not file.name.endswith(TRACKS):
             raise InputError(f"the file of the tracks is needed, whose name ends in {TRACKS}", file=file)
-        rate = self._rate(file)
+        rate = self._frames_per_second(file)
         motion = (self.x_column, self.y_column, "xVelocity", "yVelocity")
         heading = ("heading",) if self.from_above else ()
         rows = read_table(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
@@ -43,7 +43,7 @@ class _LevelX(TrafficFormat):
         length, width = (rows.numbers(name, 1.0, "length", optional=True) for name in self.size_columns)
         # The sides of highD's boxes lie along the picture's axes; its y points down.
         px, py = (x, y) if self.from_above else (x + length / 2, -(y + width / 2))
-        bodies = read_table(_beside(file, BODIES), "csv", [self.id_column, "class"])
+        bodies = read_table(_neighbour_file(file, BODIES), "csv", [self.id_column, "class"])
         kinds = dict(zip(bodies.texts(self.id_column), bodies.texts("class"), strict=True))
         return TrackRows(
             ids,
@@ -57,16 +57,15 @@ class _LevelX(TrafficFormat):
             kind=[kinds.get(name, "") for name in ids],
         )
 
-    def _rate(self, file: Path) -> float:
-        """Frames per second, Hz."""
-        beside = _beside(file, RECORDING)
+    def _frames_per_second(self, file: Path) -> float:
+        beside = _neighbour_file(file, RECORDING)
         rate = float(read_table(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
         if not 0.1 <= rate <= 1000:
             raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
         return rate
 
 
-def _beside(file: Path, ending: str) -> Path:
+def _neighbour_file(file: Path, ending: str) -> Path:
     path = file.with_name(file.name.removesuffix(TRACKS) + ending)
     if not path.is_file():
         raise InputError(f"there is no file {path.name} beside it", file=file)

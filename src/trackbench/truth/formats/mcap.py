@@ -1,4 +1,4 @@
-"""MCAP: tracks and boxes as JSON, and messages of OSI.
+"""MCAP files: tracks and boxes as JSON, and messages of OSI.
 
 Sources: MCAP format specification; Foxglove schemas, ``foxglove.SceneUpdate`` and ``foxglove.FrameTransforms``.
 """
@@ -22,10 +22,10 @@ from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
 from trackbench.truth.recorded.rows import rows_of_columns
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
-#: Names of schemas.
+#: Schemas of messages.
 BOXES, TRANSFORMS = "foxglove.SceneUpdate", "foxglove.FrameTransforms"
 TRACKS, SCAN = "trackbench.Tracks", "trackbench.Scan"
-#: Metadata of a box, by the column that it is.
+#: Metadata of a box by column.
 VELOCITY = {"vx": "vx_mps", "vy": "vy_mps"}
 OF_RUN = ("scene", "run", "fingerprint")
 
@@ -33,12 +33,12 @@ Row = dict[str, Any]
 
 
 class Message(NamedTuple):
-    """One message of a file."""
+    """Message in an MCAP file."""
 
     topic: str
     schema: str
     encoding: str
-    """Such as ``json``."""
+    """Encoding, such as ``json``."""
     data: bytes
 
 
@@ -57,12 +57,12 @@ class Mcap(TrafficFormat):
             first = next((schema for schema in READERS if schema in schemas.values()), None)
             schemas = {topic: schema for topic, schema in schemas.items() if schema == first}
         topic = chosen_topic(schemas, READERS, self.topic, file)
-        own = [message for message in messages if message.topic == topic]
-        return READERS[schemas[topic]](own, file, [item for item in messages if item.schema == TRANSFORMS])
+        topic_messages = [message for message in messages if message.topic == topic]
+        return READERS[schemas[topic]](topic_messages, file, [item for item in messages if item.schema == TRANSFORMS])
 
 
 def messages_of(file: Path, schemas: set[str]) -> list[Message]:
-    """Return the messages of some schemas, in the order of their log time.
+    """Return the messages of some schemas, sorted by log time.
 
     Raises:
         InputError: the file cannot be read, or the package is missing.
@@ -79,21 +79,21 @@ def messages_of(file: Path, schemas: set[str]) -> list[Message]:
                 for schema, channel, message in make_reader(stream).iter_messages()
                 if schema is not None and schema.name in schemas
             ]
-    except Exception as error:  # The reader of MCAP lets whatever a damaged length leads to through.
+    except Exception as error:  # A damaged length can cause any exception in the reader.
         raise InputError(f"not an MCAP file that can be read: {shortened_text(one_line(error))}", file=file) from None
 
 
 def chosen_topic(topics: Mapping[str, str], schemas: Iterable[str], topic: str | None, file: Path) -> str:
-    """Return the topic that is named, or the only one.
+    """Return the named topic, or the only one.
 
     Args:
-        topics: the type of the messages of each topic with tracks.
-        schemas: types that are known.
-        topic: the name that the scenario states; None for the only topic.
-        file: for error messages.
+        topics: message type of each topic with tracks.
+        schemas: known message types.
+        topic: name of the topic in the scenario; None for the only topic.
+        file: file, for error messages.
 
     Raises:
-        InputError: there are none, or several topics have such messages and none is named.
+        InputError: no topic has tracks, the named one has none, or several have tracks and none is named.
     """
     if topic is not None and topic not in topics:
         raise InputError(f"there is no topic {topic!r} with tracks; {nearest_choices(topic, topics)}", file=file)
@@ -122,16 +122,16 @@ def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message
 
 
 def rows_of_messages(rows: Sequence[Row], file: Path, moved: Collection[str] = ()) -> TrackRows:
-    """Return the rows of messages.
+    """Return the rows of messages as a table.
 
     Args:
-        rows: by the keys of ``QUANTITIES``, and perhaps the frame of each. What some do not state is not read, but for
-            covariance and existence.
-        file: for error messages.
+        rows: values by the keys of ``QUANTITIES``, and possibly the frame. A key that some rows lack is not read,
+            except covariance and existence.
+        file: file, for error messages.
         moved: frames that are not fixed to the ground.
 
     Raises:
-        InputError: there is no row, a row is damaged, or several frames or a moving one are named.
+        InputError: there is no row, a row is damaged, or the rows are in several frames or a moving frame.
     """
     if not rows:
         raise InputError("there is no track in this file", file=file)
@@ -176,7 +176,7 @@ def _boxes_in(message: Any) -> Iterator[Row]:
     for entity in message["entities"]:
         for cube in entity.get("cubes", []):
             position, turn, size = cube["pose"]["position"], cube["pose"]["orientation"], cube["size"]
-            stated = {pair["key"]: pair["value"] for pair in entity.get("metadata", [])}
+            metadata = {pair["key"]: pair["value"] for pair in entity.get("metadata", [])}
             yield {
                 "time": time_of(entity["timestamp"]["sec"], entity["timestamp"]["nsec"]),
                 "id": entity["id"],
@@ -186,12 +186,12 @@ def _boxes_in(message: Any) -> Iterator[Row]:
                 "heading": yaw_of(*(turn[key] for key in "xyzw")),
                 "length": size["x"],
                 "width": size["y"],
-                **{key: stated[name] for key, name in VELOCITY.items() if name in stated},
+                **{key: metadata[name] for key, name in VELOCITY.items() if name in metadata},
             }
 
 
 def time_of(seconds: Any, nanoseconds: Any) -> Decimal:
-    """Return a time stamp of two whole numbers, s."""
+    """Return the time of a stamp in seconds and nanoseconds, s."""
     return Decimal(int(seconds)) + Decimal(int(nanoseconds)).scaleb(-9)
 
 
@@ -204,7 +204,7 @@ def _children_in(message: Any) -> Iterator[Row]:
     yield {str(transform["child_frame_id"]): None for transform in message["transforms"]}
 
 
-#: What has tracks, by schema; of those in a file the first is read.
+#: Readers of messages with tracks, by schema; the first schema present in a file is read.
 READERS: dict[str, Callable[[Sequence[Message], Path, Sequence[Message]], TrackRows]] = {
     TRACKS: _tracks,
     BOXES: _boxes,

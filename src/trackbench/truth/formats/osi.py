@@ -1,7 +1,7 @@
-"""Traces of the ASAM Open Simulation Interface, whose messages are also found in MCAP.
+"""Traces of the ASAM Open Simulation Interface (OSI), whose messages are also found in MCAP.
 
-A trace needs four messages with twenty fields. They are read from the wire, in 40 lines: ``betterosi`` and ``protobuf``
-bring generated code of all of OSI, and the latter pins the versions of others.
+A trace needs only four messages with twenty fields, so they are decoded here in 40 lines. ``betterosi`` and
+``protobuf`` would bring generated code for all of OSI, and ``protobuf`` restricts the versions of other packages.
 
 Sources: ASAM OSI 3.7, ``osi_sensorview.proto``, ``osi_groundtruth.proto``, ``osi_object.proto``, ``osi_common.proto``;
 Protocol Buffers documentation, "Encoding".
@@ -21,12 +21,12 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_bytes
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
-#: Numbers of fields.
+#: Field numbers of messages.
 GROUND_TRUTH_OF_VIEW = 7
 TIMESTAMP, MOVING_OBJECT = 2, 5
 OBJECT_ID, OBJECT_BASE, OBJECT_TYPE, CLASSIFICATION = 1, 2, 3, 6
 DIMENSION, POSITION, ORIENTATION, VELOCITY = 1, 2, 3, 4
-#: Of ``osi3.MovingObject.Type`` and of ``VehicleClassification.Type``.
+#: Classes by ``osi3.MovingObject.Type`` and by ``VehicleClassification.Type``.
 OBJECTS = {3: "pedestrian", 4: "animal"}
 VEHICLES = {2: "car", 3: "car", 4: "car", 5: "car", 6: "van", 7: "truck", 8: "trailer", 9: "trailer"}
 VEHICLES |= {10: "motorcycle", 11: "bicycle", 12: "bus", 13: "tram", 14: "train"}
@@ -50,12 +50,12 @@ class OsiTrace(TrafficFormat):
 
 
 def moving_objects(file: Path, kind: Kind, messages: Iterable[memoryview]) -> TrackRows:
-    """The rows of the moving objects of messages, in the frame that is fixed to the ground. OSI has no covariance.
+    """Return the rows of the moving objects in messages, in the frame fixed to the ground.
 
     Args:
-        file: for error messages.
-        kind: of the messages.
-        messages: as they are on the wire.
+        file: file, for error messages.
+        kind: type of the messages.
+        messages: encoded messages.
 
     Raises:
         InputError: a message is damaged, or there is no moving object.
@@ -80,19 +80,18 @@ def moving_objects(file: Path, kind: Kind, messages: Iterable[memoryview]) -> Tr
 
 
 def _delimited(content: memoryview, file: Path) -> Iterator[memoryview]:
-    """Messages, each after its length as four bytes, little-endian."""
-    at = 0
-    while at < len(content):
-        size = int.from_bytes(content[at : at + 4], "little")
-        if at + 4 + size > len(content):
-            raise InputError(f"the message at byte {at} is longer than the rest of the file", file=file)
-        yield content[at + 4 : at + 4 + size]
-        at += 4 + size
+    """Yield the messages, each preceded by its length in four bytes, little-endian."""
+    offset = 0
+    while offset < len(content):
+        size = int.from_bytes(content[offset : offset + 4], "little")
+        if offset + 4 + size > len(content):
+            raise InputError(f"the message at byte {offset} is longer than the rest of the file", file=file)
+        yield content[offset + 4 : offset + 4 + size]
+        offset += 4 + size
 
 
 def _objects(ground_truth: memoryview) -> Iterator[tuple[str, tuple[float, ...], str]]:
-    """Name, row (time, x, y, heading, vx, vy, length, width) and class of each moving object; NaN where a velocity is
-    missing, 0 where a size is."""
+    """Yield name, row (time, x, y, heading, vx, vy, length, width) and class; a missing velocity is NaN, a size 0."""
     stamp = dict(_fields(_part(ground_truth, TIMESTAMP)))
     time = int(stamp.get(1, 0)) + 1e-9 * int(stamp.get(2, 0))
     for item in _parts(ground_truth, MOVING_OBJECT):
@@ -109,7 +108,7 @@ def _objects(ground_truth: memoryview) -> Iterator[tuple[str, tuple[float, ...],
 
 
 def _vector(message: memoryview, *numbers: int) -> tuple[float, ...]:
-    """Fields of type double, 0 where they are left out."""
+    """Return fields of type double; 0 for a missing field."""
     fields = dict(_fields(message))
     if not all(isinstance(fields.get(number, 0.0), float) for number in numbers):
         raise ValueError("a field that is not of its type")
@@ -117,7 +116,7 @@ def _vector(message: memoryview, *numbers: int) -> tuple[float, ...]:
 
 
 def _part(message: memoryview, number: int) -> memoryview:
-    """The last message in a field, as the format has it; empty where there is none."""
+    """Return the last message in a field, as the format demands; empty without one."""
     parts = [*_parts(message, number)]
     return parts[-1] if parts else memoryview(b"")
 
@@ -131,34 +130,34 @@ def _parts(message: memoryview, number: int) -> Iterator[memoryview]:
 
 
 def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
-    """Number and value of each field: an int, a float, or the bytes of a text or message."""
-    at = 0
-    while at < len(message):
+    """Yield number and value of each field: an int, a float, or the bytes of a text or message."""
+    offset = 0
+    while offset < len(message):
         value: Any
-        key, at = _varint(message, at)
+        key, offset = _varint(message, offset)
         wire = key & 7
         if wire == 0:
-            value, at = _varint(message, at)
+            value, offset = _varint(message, offset)
         elif wire in (1, 5):
             size, code = (8, "<d") if wire == 1 else (4, "<f")
-            (value,), at = struct.unpack(code, message[at : at + size]), at + size
+            (value,), offset = struct.unpack(code, message[offset : offset + size]), offset + size
         elif wire == 2:
-            size, at = _varint(message, at)
-            if at + size > len(message):
+            size, offset = _varint(message, offset)
+            if offset + size > len(message):
                 raise ValueError("a field is longer than its message")
-            value, at = message[at : at + size], at + size
+            value, offset = message[offset : offset + size], offset + size
         else:
             raise ValueError(f"wire type {wire} is not used")
         yield key >> 3, value
 
 
-def _varint(message: memoryview, at: int) -> tuple[int, int]:
-    """An integer of seven bits a byte, and where it ends."""
+def _varint(message: memoryview, offset: int) -> tuple[int, int]:
+    """Return an integer stored in seven bits a byte, and the offset of its end."""
     value = 0
     for shift in range(0, 70, 7):
-        byte = message[at]
-        at += 1
+        byte = message[offset]
+        offset += 1
         value |= (byte & 127) << shift
         if byte < 128:
-            return value, at
+            return value, offset
     raise ValueError("an integer of more than ten bytes")

@@ -1,4 +1,4 @@
-"""ROS bags, without ROS: tracks of the most usual messages, at the stamps of their headers.
+"""Tracks in ROS bags, at the stamps of the message headers; ROS itself is not needed.
 
 Sources: REP 103, "Standard Units of Measure and Coordinate Conventions"; definitions of ``nav_msgs``,
 ``visualization_msgs``, ``vision_msgs`` and ``autoware_perception_msgs``.
@@ -21,14 +21,14 @@ from trackbench.truth.config.logs import BAG
 from trackbench.truth.formats.mcap import Row, chosen_topic, rows_of_messages, time_of, yaw_of
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
-#: ``visualization_msgs/msg/Marker``: a box, and the actions that show it.
+#: Type of a box, and actions that show it, in ``visualization_msgs/msg/Marker``.
 CUBE, SHOWN = 1, (0,)
-#: ``autoware_perception_msgs/msg/ObjectClassification``
+#: Classes by label of ``autoware_perception_msgs/msg/ObjectClassification``.
 LABELS = {1: "car", 2: "truck", 3: "bus", 4: "trailer", 5: "motorcycle", 6: "bicycle", 7: "pedestrian"}
 
 
 def _row(name: str, header: Any, pose: Any, size: Any = None, twist: Any = None, **more: Any) -> Row:
-    """What a message says of one object: ``twist`` is in the object's own frame."""
+    """Return the row of one object in a message; ``twist`` is in the object's own frame."""
     turn = pose.orientation
     heading = yaw_of(turn.x, turn.y, turn.z, turn.w)
     row: Row = {"time": time_of(header.stamp.sec, header.stamp.nanosec), "frame": header.frame_id, "id": name, **more}
@@ -42,7 +42,7 @@ def _row(name: str, header: Any, pose: Any, size: Any = None, twist: Any = None,
 
 
 def _with_covariance(row: Row, pose: Any, twist: Any) -> Row:
-    """The row with covariances of position and velocity, of which 0 in all entries says that they are not known."""
+    """Return the row with covariances of position and velocity; a matrix of zeros means unknown."""
     cos, sin = math.cos(row["heading"]), math.sin(row["heading"])
     turn = np.array([[cos, -sin], [sin, cos]])
     position, velocity = (np.asarray(part).reshape(6, 6)[:2, :2] for part in (pose.covariance, twist.covariance))
@@ -76,14 +76,14 @@ def _detections(message: Any) -> Iterator[Row]:
 def _tracked(message: Any) -> Iterator[Row]:
     for item in message.objects:
         pose, twist = item.kinematics.pose_with_covariance, item.kinematics.twist_with_covariance
-        likely = max(item.classification, key=lambda each: each.probability, default=None)
+        likely = max(item.classification, key=lambda label: label.probability, default=None)
         name, size = bytes(item.object_id.uuid).hex(), item.shape.dimensions
         kind = "" if likely is None else LABELS.get(likely.label, "")
         more = {"class": kind, "existence": float(item.existence_probability)}
         yield _with_covariance(_row(name, message.header, pose.pose, size, twist.twist, **more), pose, twist)
 
 
-#: By the type of the messages.
+#: Readers by type of the messages.
 READERS: dict[str, Callable[[Any], Iterator[Row]]] = {
     "nav_msgs/msg/Odometry": _odometry,
     "visualization_msgs/msg/MarkerArray": _markers,
@@ -109,20 +109,22 @@ class RosBag(TrafficFormat):
             raise InputError("ROS bags need one more package: pip install 'trackbench[ros]'", file=file) from None
         named = file / BAG if file.is_dir() else file
         require_regular(named)
-        # Bags that were recorded with ROS 2 Humble or before have no definitions of their own.
+        # Bags of ROS 2 Humble or earlier contain no message definitions.
         default = get_typestore(Stores.ROS2_HUMBLE)
         try:
             with AnyReader([named.parent if named.name == BAG else file], default_typestore=default) as bag:
                 types = {item.topic: item.msgtype for item in bag.connections if item.msgtype in READERS}
                 topic = chosen_topic(types, READERS, self.topic, file)
-                own = [item for item in bag.connections if item.topic == topic]
+                connections = [item for item in bag.connections if item.topic == topic]
                 if types[topic] not in bag.typestore.types:
                     message = f"the bag has no definition of {types[topic]}, nor has ROS 2 Humble"
                     raise InputError(message, file=file)
                 read = READERS[types[topic]]
-                every = (bag.deserialize(raw, item.msgtype) for item, _, raw in bag.messages(connections=own))
-                return rows_of_messages([row for message in every for row in read(message)], file)
+                messages = (
+                    bag.deserialize(raw, item.msgtype) for item, _, raw in bag.messages(connections=connections)
+                )
+                return rows_of_messages([row for message in messages for row in read(message)], file)
         except InputError:
             raise
-        except Exception as error:  # The reader of bags lets whatever a damaged file leads to through.
+        except Exception as error:  # A damaged file can cause any exception in the reader.
             raise InputError(f"not a ROS bag that can be read: {shortened_text(one_line(error))}", file=file) from None

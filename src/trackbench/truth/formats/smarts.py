@@ -19,7 +19,7 @@ from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 STATES = """SELECT vehicle_id, sim_time, position_x, position_y, heading_rad, speed,
 COALESCE(length, 0), COALESCE(width, 0), type FROM Trajectory LEFT JOIN Vehicle ON Vehicle.id = vehicle_id"""
-#: Of a vehicle in NGSIM, which SMARTS keeps; a size that it does not know is 0 or NULL.
+#: Classes of NGSIM, which SMARTS keeps. An unknown size is 0 or NULL.
 KINDS = {1: "motorcycle", 2: "car", 3: "truck"}
 
 
@@ -32,7 +32,7 @@ class Smarts(TrafficFormat):
         require_regular(file)
         try:
             with closing(sqlite3.connect(f"file:{quote(str(file.resolve()))}?mode=ro", uri=True)) as database:
-                # A row takes some bytes: a damaged file may name one page again and again.
+                # Limited by the size of the file, since a damaged file may repeat a page endlessly.
                 states = database.execute(STATES).fetchmany(file.stat().st_size)
             if not states:
                 raise InputError("there is no vehicle in this file", file=file)

@@ -1,4 +1,4 @@
-"""Tables of recorded traffic: CSV and Parquet of one's own, and I-80, which comes with the package."""
+"""Tables of recorded traffic: the user's CSV and Parquet, and I-80, which comes with the package."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table_files import read_header, read_table
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
-#: What a column may hold, and its quantity; None: it is read as it is.
+#: Keys of columns with their quantities; None for values read without conversion.
 QUANTITIES: dict[str, str | None] = {
     "time": "time",
     "id": None,
@@ -33,7 +33,7 @@ QUANTITIES: dict[str, str | None] = {
 }
 REQUIRED = ("time", "id", "x", "y")
 
-#: Names of columns beside the keys themselves, without a unit at their end.
+#: Accepted names of columns, without a unit at their end, by key.
 NAMES = {
     "t": "time",
     "timestamp": "time",
@@ -42,20 +42,20 @@ NAMES = {
     "yaw": "heading",
     **{key: key for key in QUANTITIES},
 }
-#: How the names of columns of degrees begin.
+#: Beginnings of the names of columns in degrees.
 DEGREES = ("lon", "long", "longitude", "lat", "latitude")
 
 
 class ColumnLayout(NamedTuple):
-    """Where a table has what."""
+    """Columns and units of a table."""
 
     columns: Mapping[str, str]
-    """The column of each key of ``QUANTITIES`` that the table has."""
+    """Column of each key of ``QUANTITIES`` in the table."""
     units: Mapping[str, str]
-    """By key the unit that the name of its column ends in, or that was stated."""
+    """Unit of a column by key, from the ending of its name or as stated."""
 
     def factor(self, key: str, default: float) -> float:
-        """Return what a column is multiplied by; ``default`` where its unit is not known from its name."""
+        """Return the factor to SI units of a column; ``default`` if its unit is unknown."""
         quantity = QUANTITIES[key]
         return default if quantity is None or key not in self.units else UNITS[quantity][self.units[key]]
 
@@ -65,10 +65,10 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str]) -> ColumnLay
 
     Args:
         header: names of all columns.
-        stated: the column of some keys, perhaps with its unit after a colon: ``timestamp:ns``.
+        stated: column of some keys, optionally with its unit after a colon: ``timestamp:ns``.
 
     Raises:
-        InputError: a key has several columns, or a required one none; names the candidates.
+        InputError: a key has several columns, or a required key none; the message names the candidates.
     """
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -100,13 +100,13 @@ def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | Non
 
 
 def _unit(name: str, key: str) -> str | None:
-    """The unit of its quantity in which the name of a column ends."""
+    """Return the unit at the end of a column's name, if it fits the quantity."""
     _, bar, unit = name.lower().rpartition("_")
     return unit if bar and unit in UNITS.get(QUANTITIES[key] or "", {}) else None
 
 
 def _known(name: str) -> tuple[str | None, str | None]:
-    """What a column of this name holds, and its unit; None where that is not known."""
+    """Return the key and the unit of a column by its name; None if unknown."""
     word = name.lower()
     key = NAMES.get(word) or NAMES.get(word.rpartition("_")[0])
     unit = None if key is None or word in NAMES else _unit(word, key)
@@ -114,12 +114,12 @@ def _known(name: str) -> tuple[str | None, str | None]:
 
 
 def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
-    """The rows of a table of tracks.
+    """Return the rows of a table of tracks.
 
     Args:
-        rows: of the table.
-        layout: where it has what.
-        factors: what the columns are multiplied by.
+        rows: rows of the table.
+        layout: columns and units of the table.
+        factors: factor to SI units of each column, by key.
 
     Raises:
         InputError: a row is damaged.
@@ -164,7 +164,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
 
 
 class TableFormat(TrafficFormat):
-    """What CSV and Parquet have in common."""
+    """Format shared by CSV and Parquet."""
 
     form: ClassVar[Literal["csv", "parquet"]]
     columns: dict[str, str] = Field(
@@ -208,7 +208,7 @@ class Parquet(TableFormat):
     form: ClassVar[Literal["csv", "parquet"]] = "parquet"
 
 
-#: Its columns hold integers: ms, mm, 1e-4 rad, mm/s.
+#: Recording of I-80, with integer columns in ms, mm, 1e-4 rad and mm/s.
 I80_FILE = Path(__file__).parent / "i80.parquet"
 I80_FACTORS = {**dict.fromkeys(("time", "x", "y", "speed", "length", "width"), 1e-3), "heading": 1e-4}
 

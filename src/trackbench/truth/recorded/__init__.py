@@ -1,4 +1,4 @@
-"""Truth and measurements that come from a file."""
+"""Ground truth and measurements from files."""
 
 from __future__ import annotations
 
@@ -29,41 +29,41 @@ __all__ = ["Drive", "load_recording", "read_drive"]
 
 
 def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> LoadedTruth:
-    """Read a recording: its truth and its measurements on one grid of times, and lines on rows that were left out.
+    """Read a recording: truth and measurements on one grid of times, and remarks on rows left out.
 
     Args:
-        config: the ``truth`` of a scenario.
-        kinds: the kind of each of the scenario's sensors.
-        folder: where relative paths start.
+        config: the scenario's ``truth``.
+        kinds: kind of each of the scenario's sensors.
+        folder: folder where relative paths start.
 
     Raises:
-        InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
+        InputError: a file cannot be read or is damaged; with its name, and its line or row.
     """
     drive = read_drive(config, kinds, folder)
     clipped = drive.clipped()
     require_measurements(drive, clipped)
-    looked = scan_cycles(clipped)
-    times = grid(clipped, looked)
+    cycles = scan_cycles(clipped)
+    times = grid(clipped, cycles)
     counts = left_out(drive, clipped, times, hidden=config.hidden)
     truth = truth_on_grid(config, clipped, times)
     source = {"source": "recording", "format": config.format, "recorded": drive.sensors, **truth.source}
-    of_source = {name: of for name, of in counts.items() if name not in drive.detections}
-    truth = replace(truth, source={**source, **({"left_out": of_source} if of_source else {})})
+    truth_counts = {name: values for name, values in counts.items() if name not in drive.detections}
+    truth = replace(truth, source={**source, **({"left_out": truth_counts} if truth_counts else {})})
     measurements: dict[str, Recorded] = {
-        name: measurements_on_grid(log, kinds[name], looked[name], times, len(truth.ids))
+        name: measurements_on_grid(log, kinds[name], cycles[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }
     detections = drive.detections
     if config.hidden and drive.has_truth:
         truth = with_scored_region(truth, config.reference, clipped)
-        # Objects have numbers of their own.
+        # With a truth, origins are numbers of objects, not of the sensor's tracks.
         detections = {
-            name: of._replace(own_track=np.full(len(of.scan), -1), own_tracks=()) for name, of in detections.items()
+            name: s._replace(own_track=np.full(len(s.scan), -1), own_tracks=()) for name, s in detections.items()
         }
-    measurements |= {name: recorded_detections(of, times) for name, of in detections.items()}
+    measurements |= {name: recorded_detections(values, times) for name, values in detections.items()}
     if config.stretches is not None:
         require_long_enough(truth, measurements, config.stretches)
-    notes = [f"{name}: left out {count} rows {why}" for name, of in counts.items() for why, count in of.items()]
+    notes = [f"{name}: left out {count} rows {why}" for name, values in counts.items() for why, count in values.items()]
     is_assumed = config.ego is None and "observer" not in config.model_fields_set and config.format != "udacity"
     if measurements and is_assumed:
         notes = ["no observer is stated: the sensors stand at x = 0, y = 0 with yaw 0", *notes]

@@ -1,4 +1,4 @@
-"""A recorded drive, and the grid of times on which it becomes a truth."""
+"""Recorded drive, and its truth and measurements on a grid of times."""
 
 from __future__ import annotations
 
@@ -19,151 +19,151 @@ from trackbench.truth.recorded.cycles import Cycles, cycles
 
 
 class Motion(NamedTuple):
-    """The recorded motion of one body, each ``(rows,)``, at strictly increasing times."""
+    """Recorded motion of one body, each ``(rows,)``, at strictly increasing times."""
 
     time: Array
-    """s from the truth's first instant."""
+    """Time from the truth's first instant, s."""
     px: Array
     py: Array
     vx: Array
     vy: Array
     heading: Array | None = None
-    """rad; None: the course."""
+    """Heading, rad; None for the course."""
     yaw_rate: Array | None = None
-    """rad/s; None: from the heading."""
+    """Yaw rate, rad/s; None for the rate of the heading."""
     length: Array | None = None
-    """m; None: not stated."""
+    """Length, m; None if not stated."""
     width: Array | None = None
-    """m; None: not stated."""
+    """Width, m; None if not stated."""
 
 
 @dataclass(frozen=True)
 class RowOrder:
-    """The order in which rows stand in a file, before they are sorted."""
+    """Order of the rows in a file, before they are sorted."""
 
     rows: int
     backwards: int
-    """Rows with an earlier time than one before them."""
+    """Number of rows with an earlier time than a row before them."""
     largest_step_back: float
-    """s."""
+    """Largest step back in time, s."""
     duplicates: int
-    """Rows of the same object at the same time as a row before, which are left out."""
+    """Number of rows left out because the object has an earlier row of that time."""
 
 
 class Log(NamedTuple):
-    """The recorded measurements of one sensor, one row a detection, sorted by time."""
+    """Recorded measurements of one sensor, one row for each detection, sorted by time."""
 
     time: Array
     """``(rows,)`` s from the truth's first instant."""
     object: Indices
     """``(rows,)`` number of the object."""
     measurement: Array
-    """``(m, rows)`` in SI units and radians; angles as they are written, not wrapped."""
+    """``(m, rows)`` in SI units and radians; angles as in the file, not wrapped."""
     scans: Array
-    """``(scans,)`` all times at which the file says that the sensor looked, those without a detection too; sorted."""
+    """``(scans,)`` all known times of scans, s, including scans without a detection; sorted."""
     order: RowOrder
     alarm_time: Array = np.zeros(0)
-    """``(alarms,)`` s, of the rows of no object, sorted."""
+    """``(alarms,)`` times of rows without an object, s, sorted."""
     alarm_measurement: Array = np.zeros((0, 0))
-    """``(m, alarms)``"""
+    """``(m, alarms)`` measurements without an object."""
 
 
 class Scans(NamedTuple):
-    """Of one sensor, sorted by time."""
+    """Unlabelled scans of one sensor, sorted by time."""
 
     time: Array
-    """``(scans,)`` the first instant of each cycle, s."""
+    """``(scans,)`` first instant of each cycle, s."""
     scan: Indices
-    """``(rows,)``"""
+    """``(rows,)`` index of each row's scan."""
     measurement: Array
     """``(m, rows)``, angles wrapped."""
     own_track: Indices
-    """``(rows,)``"""
+    """``(rows,)`` number of the sensor's own track; -1 for none."""
     own_tracks: tuple[str, ...]
     duplicates: int
-    """Rows of the same slot at the same time as a row before, which are left out."""
+    """Number of rows left out because the slot has an earlier row of that time."""
     copies: int = 0
-    """Detections beside another of the same object, which are left out."""
+    """Number of detections left out beside another one of the same object."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Content of the files of a recording."""
+    """Content of a recording's files."""
 
     motions: dict[str, Motion]
-    """By object."""
+    """Motion by object."""
     order: RowOrder
-    """Of the truth's rows."""
+    """Order of the truth's rows."""
     observer: Motion | None
-    """What carries the sensors; None: a fixed point."""
+    """Motion of the observer; None for a fixed point."""
     logs: dict[str, Log]
-    """By sensor."""
+    """Labelled measurements by sensor."""
     source: dict[str, Any]
-    """What the result says of the files."""
+    """Description of the files for the result."""
     detections: dict[str, Scans] = field(default_factory=dict)
-    """By sensor whose rows nobody labelled."""
+    """Unlabelled scans by sensor."""
     frames: Array = field(default_factory=lambda: np.zeros(0))
-    """``(frames,)`` s, all times of the truth's rows; sorted."""
+    """``(frames,)`` all times of the truth's rows, s; sorted."""
     boxes: Array = field(default_factory=lambda: np.zeros((6, 0)))
     """``(6, boxes)`` don't-care boxes: time, x, y, heading, half length and half width."""
     kinds: dict[str, str] = field(default_factory=dict)
-    """The class of each object, where classes count."""
+    """Class of each object, if classes matter."""
 
     start: Decimal = Decimal(0)
-    """s of the files' clock at 0 s."""
+    """Time of the files' clock at 0 s, s."""
 
     @property
     def has_truth(self) -> bool:
-        """Whether anything says where objects were."""
+        """Whether the recording has the motion of objects."""
         return bool(self.motions)
 
     @property
     def sensors(self) -> list[str]:
-        """Those with recorded measurements."""
+        """Names of the sensors with recorded measurements."""
         return [*self.logs, *self.detections]
 
     def span(self, number: int) -> tuple[float, float]:
-        """From when to when the truth of an object, and of the observer, is known, s."""
+        """Return the first and last time at which the motion of an object, and of the observer, is known, s."""
         bodies = [list(self.motions.values())[number], *([self.observer] if self.observer else [])]
         return max(float(m.time[0]) for m in bodies), min(float(m.time[-1]) for m in bodies)
 
     def inside(self, log: Log) -> Log:
-        """The rows of a log within the span of their object's truth."""
+        """Return the rows of a log within the span of their object's truth."""
         spans = np.array([self.span(number) for number in range(len(self.motions))])
-        kept = (log.time >= spans[log.object, 0]) & (log.time <= spans[log.object, 1])
+        is_inside = (log.time >= spans[log.object, 0]) & (log.time <= spans[log.object, 1])
         first, last = spans[:, 0].min(), spans[:, 1].max()
         scans = log.scans[(log.scans >= first) & (log.scans <= last)]
-        alarms = (log.alarm_time >= first) & (log.alarm_time <= last)
+        is_alarm_inside = (log.alarm_time >= first) & (log.alarm_time <= last)
         return log._replace(
-            time=log.time[kept],
-            object=log.object[kept],
-            measurement=log.measurement[:, kept],
+            time=log.time[is_inside],
+            object=log.object[is_inside],
+            measurement=log.measurement[:, is_inside],
             scans=scans,
-            alarm_time=log.alarm_time[alarms],
-            alarm_measurement=log.alarm_measurement[:, alarms],
+            alarm_time=log.alarm_time[is_alarm_inside],
+            alarm_measurement=log.alarm_measurement[:, is_alarm_inside],
         )
 
     def framed(self, time: Array) -> Array:
-        """Return the times within the time of the truth's rows; all where there is no truth."""
+        """Return the times within the truth's rows; all without a truth."""
         return time if not self.has_truth else _between(time, float(self.frames[0]), float(self.frames[-1]))
 
     def clipped(self) -> Drive:
-        """The drive without measurements outside the span of the truth."""
+        """Return the drive without measurements outside the span of the truth."""
         return replace(self, logs={name: self.inside(log) for name, log in self.logs.items()})
 
 
 def row_order(time: Array, owner: Indices) -> tuple[Indices, RowOrder]:
-    """Sort rows by time, without duplicates, and count what had to be done for that.
+    """Sort rows by time, remove duplicates, and count both corrections.
 
     Args:
-        time: ``(rows,)``.
-        owner: ``(rows,)`` number of the object of each.
+        time: ``(rows,)`` times.
+        owner: ``(rows,)`` number of each row's object.
 
     Returns:
-        Numbers of the rows that are kept: of several of one object at one time, the first.
+        Numbers of the remaining rows, the first of each object and time, and the order of the file.
     """
     instants, instant = np.unique(time, return_inverse=True)
-    # Rows may stand object by object: only within those of one does time go on.
+    # Files may be sorted by object, so that time only increases within an object.
     by_owner = np.argsort(owner, kind="stable")
     place = instant[by_owner] + owner[by_owner] * len(instants)
     steps = np.diff(time[by_owner])[np.diff(owner[by_owner]) == 0]
@@ -180,17 +180,17 @@ def row_order(time: Array, owner: Indices) -> tuple[Indices, RowOrder]:
 
 
 def rows_of_each(owner: Indices, count: int) -> list[Indices]:
-    """Return the numbers of the rows of each of ``count`` owners, in their order."""
+    """Return the row numbers of each of ``count`` owners, in the order of the rows."""
     order = np.argsort(owner, kind="stable")
     return np.split(order, np.searchsorted(owner[order], np.arange(1, count)))
 
 
 def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
-    """The motion of all objects at ``times``, between the recorded instants by linear interpolation.
+    """Return the motion of all objects at ``times``, interpolated linearly between recorded instants.
 
     Args:
-        config: the scenario's.
-        drive: what the files say.
+        config: the scenario's ``truth``.
+        drive: content of the files.
         times: ``(steps,)`` s, increasing.
     """
     motions = drive.motions
@@ -215,18 +215,18 @@ def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
 
 
 def scan_cycles(drive: Drive) -> dict[str, Cycles]:
-    """When each sensor looked, by name."""
+    """Return the measurement cycles of each sensor by name."""
     return {name: cycles(log.time, log.object, log.scans) for name, log in drive.logs.items()}
 
 
-def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
-    """All times of the truth's rows and of the scans, each once and in order, as far as the observer is known.
+def grid(drive: Drive, cycles_by_sensor: Mapping[str, Cycles]) -> Array:
+    """Return all times of the truth's rows and of scans, sorted and unique, while the observer is known.
 
     Raises:
-        InputError: the observer is known at fewer than half of them.
+        InputError: the observer is known at fewer than half of the times.
     """
-    own = [m.time for m in drive.motions.values()] + [sensor.instants for sensor in looked.values()]
-    times = np.unique(np.concatenate([*own, *(drive.framed(of.time) for of in drive.detections.values())]))
+    row_times = [m.time for m in drive.motions.values()] + [sensor.instants for sensor in cycles_by_sensor.values()]
+    times = np.unique(np.concatenate([*row_times, *(drive.framed(scans.time) for scans in drive.detections.values())]))
     if drive.observer is None:
         return times
     ends = float(drive.observer.time[0]), float(drive.observer.time[-1])
@@ -235,19 +235,19 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     return inside
 
 
-def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, objects: int) -> RecordedMeasurements:
-    """A sensor's measurements by scan and object, its angles wrapped to (-pi, pi].
+def measurements_on_grid(log: Log, kind: str, cycles: Cycles, times: Array, objects: int) -> RecordedMeasurements:
+    """Return a sensor's measurements by scan and object, with angles wrapped to (-pi, pi].
 
     Args:
-        log: at most one row for each time and object.
-        kind: of the sensor.
-        looked: when it looked.
-        times: ``(steps,)`` those of the truth, with all of the log's among them.
-        objects: how many there are.
+        log: measurements, with at most one row for each time and object.
+        kind: kind of the sensor.
+        cycles: cycles of the sensor.
+        times: ``(steps,)`` times of the truth, including all times of the log.
+        objects: number of objects.
     """
     model = SENSOR_MODELS[kind]
-    there = (looked.instants >= times[0]) & (looked.instants <= times[-1])
-    instants = looked.instants[there]
+    is_inside = (cycles.instants >= times[0]) & (cycles.instants <= times[-1])
+    instants = cycles.instants[is_inside]
     measurement = np.full((len(model.components), len(instants), objects), np.nan)
     measurement[:, np.searchsorted(instants, log.time), log.object] = log.measurement
     for i in model.angular:
@@ -255,23 +255,23 @@ def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, obje
     valid = np.isfinite(measurement).all(axis=0)
     alarms = None
     if len(log.alarm_time):
-        kept = np.isin(log.alarm_time, instants)
-        values = log.alarm_measurement[:, kept]
+        is_kept = np.isin(log.alarm_time, instants)
+        values = log.alarm_measurement[:, is_kept]
         for i in model.angular:
             values[i] = wrap_angle(values[i])
-        alarms = RecordedAlarms(np.searchsorted(instants, log.alarm_time[kept]), values)
-    return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, looked.cycle[there], alarms)
+        alarms = RecordedAlarms(np.searchsorted(instants, log.alarm_time[is_kept]), values)
+    return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, cycles.cycle[is_inside], alarms)
 
 
 def left_out(drive: Drive, clipped: Drive, times: Array, *, hidden: bool) -> dict[str, dict[str, int]]:
-    """Count the rows of the truth and of each sensor by why they are not used; what did not occur is not named.
+    """Count the unused rows of the truth and of each sensor by reason, without reasons that did not occur.
 
-    With ``hidden`` identities rows of no object are false alarms.
+    With ``hidden`` identities, rows without an object are false alarms and are used.
     """
     result = {"truth": {"of an object and a time that came before": drive.order.duplicates}}
-    if drive.has_truth and (seen := drive.observer) is not None:
+    if drive.has_truth and (observer := drive.observer) is not None:
         rows = np.concatenate([motion.time for motion in drive.motions.values()])
-        outside = int(((rows < seen.time[0]) | (rows > seen.time[-1])).sum())
+        outside = int(((rows < observer.time[0]) | (rows > observer.time[-1])).sum())
         result["truth"]["outside the time of the observer"] = outside
     for name, log in drive.logs.items():
         result[name] = {
@@ -286,28 +286,28 @@ def left_out(drive: Drive, clipped: Drive, times: Array, *, hidden: bool) -> dic
             "that are copies of another of their cycle": scans.copies,
             f"outside the time of the {whose}": int((~np.isin(scans.time, times))[scans.scan].sum()),
         }
-    counts = {name: {why: count for why, count in of.items() if count} for name, of in result.items()}
-    return {name: of for name, of in counts.items() if of}
+    occurring = {name: {reason: n for reason, n in counts.items() if n} for name, counts in result.items()}
+    return {name: counts for name, counts in occurring.items() if counts}
 
 
 def require_measurements(drive: Drive, clipped: Drive) -> None:
-    """Make sure that measurements of every sensor are within the time of the truth and of its observer.
+    """Require that each sensor's measurements lie within the time of the truth and the observer.
 
     Raises:
-        InputError: fewer than half are.
+        InputError: fewer than half of a sensor's measurements do.
     """
     if drive.observer is not None:
         grid(drive, {})
     for name, log in drive.logs.items():
-        kept, spans = clipped.logs[name], [drive.span(number) for number in range(len(drive.motions))]
+        log_inside, spans = clipped.logs[name], [drive.span(number) for number in range(len(drive.motions))]
         ends = min(first for first, _ in spans), max(last for _, last in spans)
         time = np.concatenate([log.time, log.alarm_time])
-        inside = _between(time, *ends) if len(kept.time) + len(kept.alarm_time) else time[:0]
+        inside = _between(time, *ends) if len(log_inside.time) + len(log_inside.alarm_time) else time[:0]
         _require_half(inside, time, ends, f"measurements of {name}", f"truth.readings.{name}")
-    for name, of in drive.detections.items():
+    for name, scans in drive.detections.items():
         if drive.has_truth:
             ends = float(drive.frames[0]), float(drive.frames[-1])
-            time = of.time[of.scan]
+            time = scans.time[scans.scan]
             _require_half(drive.framed(time), time, ends, f"measurements of {name}", f"truth.readings.{name}")
 
 
@@ -316,16 +316,16 @@ def _between(time: Array, first: float, last: float) -> Array:
 
 
 def _require_half(inside: Array, time: Array, ends: tuple[float, float], what: str, key: str) -> None:
-    """Refuse times of which fewer than half are inside the span of another file, as those of another unit are."""
+    """Refuse times if fewer than half lie within another file's span: their unit is probably wrong."""
     if len(inside) and 2 * len(inside) >= len(time):
         return
-    own, other = (f"from {begin:.12g} to {end:.12g} s" for begin, end in np.round([[time.min(), time.max()], ends], 2))
-    message = f"only {len(inside)} of {len(time)} {what} ({own}) lie within the time of the truth or observer ({other})"
+    span, when = (f"from {a:.12g} to {b:.12g} s" for a, b in np.round([[time.min(), time.max()], ends], 2))
+    message = f"only {len(inside)} of {len(time)} {what} ({span}) lie within the time of the truth or observer ({when})"
     raise InputError(f"{message}: check the units of time", key=key)
 
 
 def carrier(motion: Motion, times: Array) -> Observer:
-    """A recorded observer at ``times``; its heading is interpolated the short way round."""
+    """Return a recorded observer at ``times``; the heading is interpolated the short way round."""
     assert motion.heading is not None
     yaw = np.unwrap(motion.heading)
     rate = slope(yaw, motion.time) if motion.yaw_rate is None else motion.yaw_rate
@@ -357,5 +357,5 @@ def _on_grid(motion: Motion, times: Array) -> dict[str, Array]:
 
 
 def slope(values: Array, times: Array) -> Array:
-    """``(steps,)`` rate of change; zero of a single value."""
+    """Return the rate of change ``(steps,)``; zero for a single value."""
     return np.gradient(values, times) if len(times) > 1 else np.zeros_like(values)

@@ -1,4 +1,4 @@
-"""What of a recorded truth counts where tracks are scored: its boxes, classes, region and gaps, and its noise."""
+"""Scored parts of a recorded truth (boxes, classes, region, gaps), and its noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trackbench.truth.tracks import longest_gap
 
 
 def moved_ahead(motion: Motion, heading: Array, ahead: Array | float) -> Motion:
-    """Return the motion of a point ``ahead`` m in front of the body's own, along ``heading`` ``(rows,)`` rad."""
+    """Return the motion of a point ``ahead`` m in front of the body's position, along ``heading`` ``(rows,)``."""
     heading = np.unwrap(heading)
     turning = slope(heading, motion.time) if motion.yaw_rate is None else motion.yaw_rate
     x, y = ahead * np.cos(heading), ahead * np.sin(heading)
@@ -23,7 +23,7 @@ def moved_ahead(motion: Motion, heading: Array, ahead: Array | float) -> Motion:
 
 
 def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
-    """The truth of hidden identities: which objects count and where, while they have rows, and its noise."""
+    """Return the truth for hidden identities: objects and regions that count, gaps, and noise."""
     kinds = drive.kinds
     alive = truth.alive.copy()
     for number, motion in enumerate(drive.motions.values()):
@@ -33,17 +33,16 @@ def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) 
         counted = {kind.casefold() for kind in reference.classes}
         target = np.array([kinds.get(name, "").casefold() in counted for name in truth.ids])
     unscored = None
-    ignored = reference.others is not None
-    if reference.range_m is not None or drive.boxes.size or ignored:
+    ignores_others = reference.others is not None
+    if reference.range_m is not None or drive.boxes.size or ignores_others:
         limit = np.inf if reference.range_m is None else reference.range_m
-        unscored = Unscored(limit, _lasting(drive.boxes, drive.frames), ignored)
+        unscored = Unscored(limit, _lasting(drive.boxes, drive.frames), ignores_others)
     noise = noise_of_motions(drive.motions.values())
-    source = {**truth.source, "recorded_noise": noise._asdict(), **({"others": "ignored"} if ignored else {})}
+    source = {**truth.source, "recorded_noise": noise._asdict(), **({"others": "ignored"} if ignores_others else {})}
     return replace(truth, alive=alive, target=target, unscored=unscored, recorded_noise=noise, source=source)
 
 
 def _in_gap(rows: Array, time: Array) -> Mask:
-    """``(steps,)`` whether a time is in a gap between rows, where its object is absent."""
     steps = np.diff(rows)
     if not len(steps):
         return np.zeros(len(time), dtype=bool)
@@ -53,10 +52,10 @@ def _in_gap(rows: Array, time: Array) -> Mask:
 
 
 def _lasting(boxes: Array, frames: Array) -> Array:
-    """``(7, boxes)`` as in ``Unscored.boxes``: each until half way to the rows before and after, but no gap long."""
-    number: Indices = np.searchsorted(frames, boxes[0])
+    """Return boxes ``(7, boxes)`` as in ``Unscored.boxes``, each lasting half way to the neighbouring rows."""
+    frame: Indices = np.searchsorted(frames, boxes[0])
     steps = np.diff(frames)
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    half = np.minimum(np.concatenate([[usual], steps, [usual]]), longest_gap(usual)) / 2
+    usual_step = float(np.median(steps)) if len(steps) else 0.0
+    half = np.minimum(np.concatenate([[usual_step], steps, [usual_step]]), longest_gap(usual_step)) / 2
     x, y, heading = boxes[1:4]
-    return np.stack([boxes[0] - half[number], boxes[0] + half[number + 1], x, y, wrap_angle(heading), *boxes[4:]])
+    return np.stack([boxes[0] - half[frame], boxes[0] + half[frame + 1], x, y, wrap_angle(heading), *boxes[4:]])

@@ -1,4 +1,4 @@
-"""The rows of a table: columns of numbers, times and names."""
+"""Rows of a table: columns of numbers, times and names."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
 
-#: How a time stamp of ISO 8601 begins.
+#: Start of a time stamp of ISO 8601.
 STAMP = r"^\d{4}-?\d\d-?\d\d[Tt ]\d\d"
 PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-#: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
+#: Largest time that counts from 0 s, as a program's own clock; larger times count from the first whole second.
 FROM_ZERO_S = 1e7
 
 
 class TimeColumn(NamedTuple):
-    """A column of times."""
+    """Column of times."""
 
     seconds: Array
     """``(rows,)`` s after ``start``."""
     start: Decimal = Decimal(0)
-    """Whole seconds of the file's clock; time stamps of ISO 8601 count from 1970, in UTC where they state no zone."""
+    """Whole seconds of the file's clock; time stamps of ISO 8601 count from 1970 (UTC unless they state a zone)."""
 
     @property
     def first(self) -> Decimal:
@@ -40,35 +40,35 @@ class TimeColumn(NamedTuple):
         return self.start + Decimal(repr(float(self.seconds.min())))
 
     def since(self, first: Decimal) -> Array:
-        """Return ``(rows,)`` the times after a time of the same clock, s.
+        """Return the times ``(rows,)`` after a time of the same clock, s.
 
-        They are rounded to the nanosecond, below which no clock of a vehicle tells rows apart.
+        The result is rounded to nanoseconds, which no clock of a vehicle resolves.
         """
         return np.asarray(np.round(self.seconds + float(self.start - first), 9))
 
 
 class Labels(NamedTuple):
-    """A column of names, of which each stands in many rows."""
+    """Column of names that occur in many rows."""
 
     names: list[str]
-    """Different names in the order in which they come first."""
+    """Different names in the order of their first rows."""
     number: Indices
     """``(rows,)`` index of each row's name in ``names``."""
 
     @property
     def of_rows(self) -> list[str]:
-        """``(rows,)`` the name of each row."""
+        """``(rows,)`` name of each row."""
         return [self.names[number] for number in self.number.tolist()]
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The columns of a table: numbers, time stamps and texts, the latter trimmed and "" where empty."""
+    """Columns of a table: numbers, time stamps and texts; texts are trimmed, and "" if empty."""
 
     file: Path
     table: pa.Table
     line: Callable[[int], int] | None = None
-    """Line in the file of a row of that number in it; None where the file has no lines."""
+    """Function from a row's number to its line in the file; None for a file without lines."""
     places: Indices | None = None
     """``(rows,)`` number of each row in the file, from 0; None for all rows of the file."""
 
@@ -80,7 +80,7 @@ class Rows:
         return replace(self, table=self.table.filter(pa.array(chosen)), places=np.flatnonzero(chosen))
 
     def error(self, row: int, message: str) -> InputError:
-        """Return what is wrong with a row (from 0)."""
+        """Return an error about a row, counted from 0."""
         place = row if self.places is None else int(self.places[row])
         if self.line is None:
             return InputError(f"row {place + 1}: {message}", file=self.file)
@@ -91,28 +91,28 @@ class Rows:
         return repr(str(self.table[column][row])[:40])
 
     def numbers(self, column: str, factor: float, quantity: str | None, *, optional: bool = False) -> Array:
-        """Return ``(rows,)`` a column of finite numbers in SI units and radians; NaN where it is empty, if it may be.
+        """Return a column of finite numbers ``(rows,)`` in SI units and radians; NaN for an allowed empty cell.
 
         Args:
-            column: its name.
-            factor: from its unit.
-            quantity: a key of ``jumps.POSSIBLE``; None: any number can be meant.
+            column: name of the column.
+            factor: factor to SI units.
+            quantity: key of ``jumps.POSSIBLE``; None for any number.
             optional: whether cells may be empty or nan.
 
         Raises:
-            InputError: a cell is no number, or cannot be meant.
+            InputError: a cell is no number, or is implausible.
         """
         values = self._floats(column)
-        wrong = ~np.isfinite(values)
-        if optional and wrong.any():
-            wrong &= ~self._unknown(column)
-        if wrong.any():
-            raise self._no_number(int(np.argmax(wrong)), column)
+        is_wrong = ~np.isfinite(values)
+        if optional and is_wrong.any():
+            is_wrong &= ~self._unknown(column)
+        if is_wrong.any():
+            raise self._no_number(int(np.argmax(is_wrong)), column)
         values = values * factor
         if quantity is not None:
             least, most, unit = jumps.POSSIBLE[quantity]
-            if (wrong := (values < least) | (values > most)).any():
-                row = int(np.argmax(wrong))
+            if (is_wrong := (values < least) | (values > most)).any():
+                row = int(np.argmax(is_wrong))
                 problem = f"it would be {values[row]:.3g}{unit}, and {least:g} to {most:g}{unit} can be meant"
                 raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}: check its unit")
         return values
@@ -121,8 +121,8 @@ class Rows:
         """Return a column of times.
 
         Args:
-            column: its name.
-            factor: from the unit of numbers: one over a power of ten.
+            column: name of the column.
+            factor: factor of numbers to s: one over a power of ten.
 
         Raises:
             InputError: a cell is no time.
@@ -145,7 +145,7 @@ class Rows:
             return TimeColumn(np.array([float(time - start) for time in exact]), start)
 
     def texts(self, column: str) -> list[str]:
-        """Return ``(rows,)`` the cells of a column as texts."""
+        """Return the cells of a column as texts ``(rows,)``."""
         texts: list[str] = self._as_text(column).to_pylist()
         return texts
 
@@ -153,11 +153,11 @@ class Rows:
         """Return a column of names.
 
         Args:
-            column: its name.
+            column: name of the column.
             optional: whether cells may be empty or nan; their name is "".
 
         Raises:
-            InputError: a name is missing, or has a character that cannot be printed.
+            InputError: a name is missing, or has an unprintable character.
         """
         coded = self._as_text(column).combine_chunks().dictionary_encode()
         names: list[str] = coded.dictionary.to_pylist()
@@ -175,7 +175,7 @@ class Rows:
         return cells if _is_text(cells.type) else cells.cast(pa.string()).fill_null("")
 
     def _floats(self, column: str) -> Array:
-        """``(rows,)`` a column of numbers; NaN where a cell is none."""
+        """Return a column of numbers ``(rows,)``; NaN for any other cell."""
         cells = self.table[column]
         if types.is_timestamp(cells.type):
             return np.full(len(cells), np.nan)
@@ -187,7 +187,7 @@ class Rows:
             return np.array([stated_number(cell) for cell in cells.to_pylist()])
 
     def _unknown(self, column: str) -> Mask:
-        """``(rows,)`` whether a cell is empty, or "not a number": as programs write what they do not know."""
+        """Return ``(rows,)`` whether a cell is empty or "nan", as programs write unknown values."""
         unknown = pc.is_in(pc.utf8_lower(self._as_text(column)), pa.array(["", "nan"]))
         return np.asarray(unknown.to_numpy(), dtype=bool)
 
@@ -217,12 +217,12 @@ def _is_text(kind: pa.DataType) -> bool:
 
 
 def rows_of_columns(file: Path, columns: Mapping[str, Sequence[Any]], lines: Sequence[int] | None = None) -> Rows:
-    """Return the rows of columns of numbers and texts; None is an empty cell.
+    """Return a table of columns of numbers and texts; None is an empty cell.
 
     Args:
-        file: for error messages.
-        columns: by name.
-        lines: of the rows in the file.
+        file: file, for error messages.
+        columns: values by column.
+        lines: line of each row in the file.
     """
 
     def column(values: Sequence[Any]) -> pa.Array:
@@ -239,13 +239,13 @@ def rows_of_columns(file: Path, columns: Mapping[str, Sequence[Any]], lines: Seq
 
 
 def plain_column(name: str, column: pa.Array | pa.ChunkedArray, file: Path) -> pa.Array | pa.ChunkedArray:
-    """Return a column of numbers, time stamps or texts: a truth value or a list would be read as another."""
+    """Return a column of numbers, time stamps or trimmed texts; refuse other types, which would be misread."""
     if types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
     kind = column.type
     if types.is_integer(kind) or types.is_floating(kind) or types.is_timestamp(kind):
         return column
-    others = types.is_boolean, types.is_nested, types.is_binary, types.is_large_binary, types.is_fixed_size_binary
-    if types.is_duration(kind) or any(is_other(kind) for is_other in others):
+    unsupported = types.is_boolean, types.is_nested, types.is_binary, types.is_large_binary, types.is_fixed_size_binary
+    if types.is_duration(kind) or any(is_other(kind) for is_other in unsupported):
         raise InputError(f"{name} is a column of {kind}, where numbers or texts are expected", file=file)
     return pc.utf8_trim_whitespace(column.cast(pa.string()).fill_null(""))

@@ -1,4 +1,4 @@
-"""Logs in tables whose columns and units the scenario names: a drive, or the scans of sensors without a truth."""
+"""Logs in tables with columns and units named by the scenario: a drive, or scans without a truth."""
 
 from __future__ import annotations
 
@@ -41,22 +41,22 @@ from trackbench.truth.recorded.scans import (
 )
 from trackbench.truth.recorded.table_files import read_table
 
-#: What the object is called where the file does not name it.
+#: Name of the object in a file without names.
 OBJECT = "object"
 
 
 def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """The motion of all objects, and the measurements of the sensors whose columns are named.
+    """Return the motion of all objects, and the measurements of sensors with named columns.
 
     Raises:
-        InputError: a file cannot be read, or a row of it is damaged.
+        InputError: a file cannot be read, or a row is damaged.
     """
     assert config.columns is not None
     assert config.path is not None
     columns, units = config.columns, config.units
     inside = [entry for entry in config.measurements.values() if entry.path is None]
     wanted = [columns.time, columns.object, *columns.stated.values()]
-    wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
+    wanted += [column for entry in inside for column in (entry.time, *_measurement_columns(entry, columns))]
     wanted.append(columns.kind)
     file = find_log(config.path, folder, "truth.path")
     table = read_table(file, config.format, wanted)
@@ -72,7 +72,7 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     for name, entry in config.measurements.items():
         source, unlabelled = table, config.unlabelled(name)
         if entry.path is not None:
-            needed = columns_of(entry) if unlabelled else _own(entry, columns)
+            needed = columns_of(entry) if unlabelled else _measurement_columns(entry, columns)
             source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
         unit = entry.units.get("time", columns.units.get("time"))
         measured = source.times(entry.time or columns.time, units.factor("time", unit))
@@ -81,7 +81,7 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
             detections[name] = scans_of(source, entry, times, units, kinds[name])
             continue
         log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
-        # A table with rows of the truth or of several sensors does not say when this one looked and found nothing.
+        # A table shared with the truth or other sensors does not show empty scans of this sensor.
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
     classes: dict[str, str] = {}
     if columns.kind is not None:
@@ -94,10 +94,10 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
 
 
 def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Return a drive without a truth: the detections of each sensor, and what carries the sensors.
+    """Return a drive without a truth: the detections of each sensor, and the motion of the observer.
 
     Raises:
-        InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
+        InputError: a file cannot be read or is damaged; with its name, and its line or row.
     """
     tables, clocks = {}, {}
     for name, entry in config.measurements.items():
@@ -133,13 +133,13 @@ def _objects(table: Rows, columns: TruthColumns) -> Labels:
     return table.labels(columns.object)
 
 
-def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str | None]:
+def _measurement_columns(entry: MeasurementColumns, columns: TruthColumns) -> list[str | None]:
     return [entry.object or columns.object, *entry.components.values()]
 
 
-def _values(table: Rows, columns: MotionColumns, units: Units, own: Mapping[str, str]) -> dict[str, Array]:
+def _values(table: Rows, columns: MotionColumns, units: Units, units_of_columns: Mapping[str, str]) -> dict[str, Array]:
     value = {
-        key: table.numbers(column, units.factor(quantity, own.get(key)), quantity)
+        key: table.numbers(column, units.factor(quantity, units_of_columns.get(key)), quantity)
         for key, column in columns.stated.items()
         if (quantity := MOTION_QUANTITIES[key]) != "time"
     }
@@ -157,13 +157,13 @@ def _motions(
     kept, order = row_order(seconds, owner)
     members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
     value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
-    motions = {name: Motion(seconds[own], **{key: v[own] for key, v in value.items()}) for name, own in members.items()}
+    motions = {name: Motion(seconds[i], **{key: v[i] for key, v in value.items()}) for name, i in members.items()}
     if columns.without_velocity:
-        motions = {name: _by_displacement(motion) for name, motion in motions.items()}
+        motions = {name: _with_displacement_velocity(motion) for name, motion in motions.items()}
     return motions, order
 
 
-def _by_displacement(motion: Motion) -> Motion:
+def _with_displacement_velocity(motion: Motion) -> Motion:
     return motion._replace(vx=slope(motion.px, motion.time), vy=slope(motion.py, motion.time))
 
 
@@ -173,19 +173,19 @@ def _observer(
     file, units = find_log(columns.path, folder, "truth.ego.path"), config.units
     table = read_table(file, config.format, [time_column, *columns.stated.values()])
     seconds = table.times(time_column, units.factor("time", columns.units.get("time"))).since(start)
-    kept, _ = row_order(seconds, np.zeros(len(seconds), dtype=np.intp))
-    time = seconds[kept]
-    value = {key: column[kept] for key, column in _values(table, columns, units, columns.units).items()}
+    rows, _ = row_order(seconds, np.zeros(len(seconds), dtype=np.intp))
+    time = seconds[rows]
+    value = {key: column[rows] for key, column in _values(table, columns, units, columns.units).items()}
     value["heading"] = value.pop("yaw")
     motion = Motion(time, **{**dict.fromkeys(("vx", "vy"), np.zeros(len(time))), **value})
-    return _by_displacement(motion) if columns.without_velocity else motion
+    return _with_displacement_velocity(motion) if columns.without_velocity else motion
 
 
 def _log(
     table: Rows,
     entry: MeasurementColumns,
     columns: TruthColumns,
-    at: Array,
+    times: Array,
     units: Units,
     sensor: type[Sensor],
     ids: list[str],
@@ -193,24 +193,24 @@ def _log(
     measurement, rows = column_measurements(table, entry, units, sensor)
     owner = _owners(table, entry.object or columns.object, rows, ids, blank=entry.path is not None)
     alarm = np.flatnonzero(owner < 0)
-    alarm = alarm[np.argsort(at[rows[alarm]], kind="stable")]
-    measured_rows, own = rows[owner >= 0], owner[owner >= 0]
-    kept, order = row_order(at[measured_rows], own)
-    time = at[measured_rows][kept]
+    alarm = alarm[np.argsort(times[rows[alarm]], kind="stable")]
+    measured_rows, owners = rows[owner >= 0], owner[owner >= 0]
+    kept, order = row_order(times[measured_rows], owners)
+    time = times[measured_rows][kept]
     of_objects, alarms = measurement[:, owner >= 0][:, kept], measurement[:, alarm]
     order = replace(order, rows=len(rows))
-    return Log(time, own[kept], of_objects, np.unique(time), order, at[rows[alarm]], alarms)
+    return Log(time, owners[kept], of_objects, np.unique(time), order, times[rows[alarm]], alarms)
 
 
 def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str], *, blank: bool) -> Indices:
-    """The number of the object of each of the rows; -1 where it is ``blank``, if it may be."""
+    """Return the number of the object of each row; -1 for an empty name, if ``blank`` allows it."""
     if column is None:
         return np.zeros(len(rows), dtype=np.intp)
     labels, number = table.labels(column, optional=blank), {name: i for i, name in enumerate(ids)}
     number |= {"": -1} if blank else {}
     owner = np.array([number.get(name, len(ids)) for name in labels.names], dtype=np.intp)[labels.number[rows]]
-    if (unknown := owner == len(ids)).any():
-        row = int(rows[np.argmax(unknown)])
+    if (is_unknown := owner == len(ids)).any():
+        row = int(rows[np.argmax(is_unknown)])
         name = labels.names[labels.number[row]]
         raise table.error(row, f"the truth has no object {name!r}; {nearest_choices(name, ids)}")
     return owner

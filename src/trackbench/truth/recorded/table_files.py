@@ -1,4 +1,4 @@
-"""Tables of files: CSV and Parquet."""
+"""Readers of table files: CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def log_text(file: Path) -> str:
     """Return the text of a file in UTF-8.
 
     Raises:
-        InputError: it cannot be read, is empty or is not UTF-8.
+        InputError: the file cannot be read, is empty or is not UTF-8.
     """
     text = read_text(file)
     if not text.strip():
@@ -33,7 +33,7 @@ def log_text(file: Path) -> str:
 
 
 def read_table(file: Path, form: str, wanted: Iterable[str | None]) -> Rows:
-    """Return the columns of a file of the format "csv" or "parquet" that are wanted.
+    """Return the wanted columns of a file of the format "csv" or "parquet".
 
     Raises:
         InputError: the file cannot be read or has no such column, or no row.
@@ -49,7 +49,7 @@ def read_header(file: Path, form: str) -> list[str]:
     """Return the names of the columns of a file of the format "csv" or "parquet".
 
     Raises:
-        InputError: it cannot be read, or two columns have one name.
+        InputError: the file cannot be read, or two columns have one name.
     """
     if form == "csv":
         names = next(_csv_rows(file))[1]
@@ -61,7 +61,7 @@ def read_header(file: Path, form: str) -> list[str]:
 
 
 def _csv_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows of a CSV file that are not blank, each with its line, cells trimmed."""
+    """Yield line number and trimmed cells of the rows of a CSV file that are not blank."""
     reader = csv.reader(io.StringIO(log_text(file), newline=""), strict=True)
     try:
         yield from ((reader.line_num, cells) for row in reader if any(cells := [cell.strip() for cell in row]))
@@ -78,7 +78,7 @@ def _csv(file: Path, names: list[str]) -> Rows:
     try:
         table = pacsv.read_csv(
             pa.BufferReader(raw),
-            # In one thread rows stand in their order; a row is never longer than the file.
+            # One thread keeps the order of rows; a row is never longer than the file.
             pacsv.ReadOptions(column_names=numbers, skip_rows=first, use_threads=False, block_size=len(raw) + 1),
             pacsv.ParseOptions(
                 newlines_in_values=True, invalid_row_handler=lambda row: "error" if row.text.strip() else "skip"
@@ -114,7 +114,6 @@ def _parquet(file: Path, names: list[str]) -> Rows:
 
 
 def _require_columns(names: Sequence[str], header: Sequence[str], file: Path, line: int | None = None) -> None:
-    """Refuse a table without one of the columns, or with two of its name."""
     for name in names:
         if name not in header:
             names_there = [shortened_text(column, 40) for column in header]

@@ -1,4 +1,4 @@
-"""The file of the Udacity simulator."""
+"""Reader of files of the Udacity simulator."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from trackbench.truth.jumps import LARGEST
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
 from trackbench.truth.recorded.table_files import log_text
 
-#: The kind of sensor that each letter stands for, and the components of its measurement.
+#: Kind of sensor of each letter, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
     "L": ("lidar", ("px", "py")),
     "R": ("radar", ("range", "azimuth", "range rate")),
 }
 TRUTH = ("true px", "true py", "true vx", "true vy")
-#: Columns of the truth that older files leave out.
+#: Columns of the truth that older files lack.
 OPTIONAL = ("true yaw", "true yaw rate")
-#: Whole microseconds that a double holds exactly.
+#: Time stamp in whole microseconds, with few enough digits to be exact in a double.
 _STAMP = re.compile(r"[0-9]{1,16}")
 
 
 class Measurement(NamedTuple):
-    """One line."""
+    """Measurement in one line, with the truth."""
 
     kind: str
-    """"lidar" or "radar"."""
+    """Kind of the sensor, "lidar" or "radar"."""
     measurement: tuple[float, ...]
     """Lidar: x, y, m. Radar: range m, azimuth rad as recorded (it may lie outside (-pi, pi]), range rate m/s."""
     stamp: int
-    """us"""
+    """Time stamp, us."""
     truth: tuple[float, float, float, float]
-    """px, py m, vx, vy m/s."""
+    """True px, py m, vx, vy m/s."""
     yaw: float | None = None
-    """rad; None in older rows."""
+    """True yaw, rad; None in older files."""
     yaw_rate: float | None = None
-    """rad/s; None in older rows."""
+    """True yaw rate, rad/s; None in older files."""
 
 
 def parse_line(text: str) -> Measurement:
-    """Return the measurement that a line states. Columns are separated by white space, ends of line do not matter.
+    """Return the measurement in a line; columns are separated by white space.
 
     Raises:
-        InputError: an unknown letter, a column that is missing, too many or not a finite number.
+        InputError: unknown letter, missing or surplus column, or a value that is no finite number.
     """
     letter, *columns = text.split() or [""]
     if letter not in SENSORS:
@@ -78,10 +78,10 @@ OBJECT = "cyclist"
 
 
 def load_udacity(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """The one object's truth at every line, and the measurements of the sensors of the given kinds.
+    """Return the object's motion at every line, and the measurements of the sensors of the given kinds.
 
     Raises:
-        InputError: the file cannot be read, or a line of it is damaged.
+        InputError: the file cannot be read, or a line is damaged.
     """
     file = find_log(config.path or "", folder, "truth.path")
     measurements = parse_lines(log_text(file), file)
@@ -98,8 +98,8 @@ def load_udacity(config: RecordingOptions, kinds: Mapping[str, str], folder: Pat
     )
     logs = {}
     for name, kind in config.feeds(kinds).items():
-        every = SENSOR_MODELS[sensor_type(kind)].components
-        components = [every.index(part) for part in SENSOR_MODELS[kind].components]
+        all_components = SENSOR_MODELS[sensor_type(kind)].components
+        components = [all_components.index(part) for part in SENSOR_MODELS[kind].components]
         rows = [i for i, item in enumerate(measurements) if item.kind == sensor_type(kind)]
         if not rows:
             raise InputError(f"the file has no line of a {kind}, which sensor {name} is", file=file)
@@ -111,10 +111,10 @@ def load_udacity(config: RecordingOptions, kinds: Mapping[str, str], folder: Pat
 
 
 def parse_lines(text: str, file: Path) -> list[Measurement]:
-    """The measurements of all lines that are not blank.
+    """Return the measurements of all lines that are not blank.
 
     Raises:
-        InputError: a line is damaged, or its time is not later than that of the sensor's line before.
+        InputError: a line is damaged, or its time is not later than the sensor's previous time.
     """
     measurements: list[Measurement] = []
     latest: dict[str, int] = {}

@@ -1,8 +1,8 @@
-"""Trackers that are asked again: what one says of a member must not depend on the other members.
+"""Check that a tracker's estimates of one member of the batch do not depend on the other members.
 
-A batched tracker may read, by a wrong axis, what only the other members of its batch were given. So a fresh one, in a
-process of its own, is given the scans of half of the members, permuted. Instances of any other may share a value; so
-fresh ones are given two runs in another order.
+A batched tracker may read other members' data by a wrong axis. So a fresh one, in a process of its own, gets the scans
+of half of the members, permuted. Instances of an unbatched tracker may share a value; so fresh ones get two runs in
+another order.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.start import ending
 from trackbench.trackers.answers import NO_TRACK
 
-#: Largest difference between the two estimates of a member, relative to the largest entry, by whether the tracker takes
-#: batches: rounding that depends on the column is 1e-16, and a recursion makes little more of it.
+#: Largest difference between the two estimates of a member, relative to the largest entry, by whether the tracker is
+#: batched. Rounding depends on the column and is 1e-16; a recursion amplifies it little.
 SAME = {True: 1e-9, False: 0.0}
-#: Largest number of members that are compared: of so many all answers are kept.
+#: Largest number of members compared, since all their answers are stored.
 COMPARED = 250
-#: By whether the tracker takes batches: how it is asked again, and the likely cause of another answer.
+#: How the second drive differs, and the likely cause of a difference, by whether the tracker is batched.
 HOW = {
     True: "asked again with half of the batch, permuted",
     False: "asked again in a fresh process, with two runs in another order",
@@ -34,13 +34,13 @@ CAUSES = {
 RANDOM = "a tracker that draws random numbers says random = True"
 
 
-class AskedAgain:
-    """A tracker whose answers are compared with those of a second drive, in which its members have others beside them.
+class CrossCheckedTracker:
+    """Tracker whose answers are compared with a second drive, in which each member is batched with other members.
 
     Args:
         tracker: the tracker of the first drive.
-        start: gives a fresh tracker for the batch of the second drive.
-        order: ``(width,)`` the member of the first drive in each column of the second.
+        start: returns a fresh tracker for the batch of the second drive.
+        order: ``(width,)`` member of the first drive in each column of the second drive.
     """
 
     def __init__(self, tracker: Any, start: Callable[[], Any], order: Indices) -> None:
@@ -50,27 +50,27 @@ class AskedAgain:
         self._kept: list[tuple[Scan, dict[str, Array]]] = []
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
-        """Return the tracker's state and answer, which is kept."""
+        """Return the tracker's state and answer, and store the answer for the comparison."""
         state, answer = self._tracker.step(state, scan)
         self._kept.append((scan, _parts(answer, self._members)))
         return state, answer
 
     def disagreement(self) -> tuple[TrackFault, Scan] | None:
-        """Return how the second drive first differs from the first, or how it fails, and at which scan."""
+        """Return the first difference between the drives, or the second drive's failure, and its scan."""
         how, same, state = HOW[self._tracker.batched], SAME[self._tracker.batched], None
-        before: dict[str, Array] = {}
-        parts_before: dict[str, Array] = {}
+        last_stored: dict[str, Array] = {}
+        last_parts: dict[str, Array] = {}
         try:
             with ending(self._start()) as tracker:
-                for scan, kept in self._kept:
+                for scan, stored in self._kept:
                     state, answer = tracker.step(state, self._scan(scan))
                     parts = _parts(answer, self._columns)
-                    difference = _difference(kept, parts, same) or _renamed(before, kept, parts_before, parts)
+                    difference = _difference(stored, parts, same) or _renamed(last_stored, stored, last_parts, parts)
                     if difference is not None:
                         member, what = difference
                         text = f"{how}, it gives another estimate: {what}; {CAUSES[self._tracker.batched]}; {RANDOM}"
                         return TrackFault(text, "answer", member=int(self._members[member])), scan
-                    before, parts_before = kept, parts
+                    last_stored, last_parts = stored, parts
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -81,25 +81,24 @@ class AskedAgain:
         return None
 
     def _scan(self, scan: Scan) -> Scan:
-        """Return the scan of the second drive, without columns of detections that none of its members has."""
+        """Return the scan of the second drive, without columns of detections that all of its members leave empty."""
         measurement, valid = scan.measurement[..., self._order], scan.valid[..., self._order]
         if valid.ndim == 2:
-            most = int(valid.sum(axis=0).max(initial=0))
-            measurement, valid = measurement[:, :most], valid[:most]
+            column_count = int(valid.sum(axis=0).max(initial=0))
+            measurement, valid = measurement[:, :column_count], valid[:column_count]
         measurement, valid = np.ascontiguousarray(measurement), np.ascontiguousarray(valid)
         for shared in (measurement, valid):
             shared.setflags(write=False)
         return scan._replace(measurement=measurement, valid=valid)
 
 
-def _padded(part: Array, most: int, fill: float = np.nan) -> Array:
-    missing = [(0, 0)] * (part.ndim - 2) + [(0, most - part.shape[-2]), (0, 0)]
-    return np.pad(part, missing, constant_values=fill)
+def _padded(values: Array, rows: int, fill: float = np.nan) -> Array:
+    padding = [(0, 0)] * (values.ndim - 2) + [(0, rows - values.shape[-2]), (0, 0)]
+    return np.pad(values, padding, constant_values=fill)
 
 
 def _parts(answer: Any, columns: Indices) -> dict[str, Array]:
-    """Return the arrays ``(..., members)`` of an answer that are compared; tracks in the order of their ids, which a
-    shared counter may number as it likes."""
+    """Return the compared arrays ``(..., members)`` of an answer; tracks are sorted by id, as ids may differ."""
     if answer is None:
         return {"mean": np.full((4, len(columns)), np.nan), "covariance": np.full((4, 4, len(columns)), np.nan)}
     if not isinstance(answer, Tracks):
@@ -111,34 +110,34 @@ def _parts(answer: Any, columns: Indices) -> dict[str, Array]:
     return {name: np.where(np.isnan(parts["ids"]), np.nan, part) for name, part in parts.items()}
 
 
-def _difference(kept: Mapping[str, Array], again: Mapping[str, Array], same: float) -> tuple[int, str] | None:
-    """Return the member whose estimate differs most, and how; None where none differs by more than a share ``same``."""
-    for what in kept:
-        if what == "ids" or what not in again:
+def _difference(stored: Mapping[str, Array], parts: Mapping[str, Array], tolerance: float) -> tuple[int, str] | None:
+    """Return the member whose estimate differs most, and how; None if no relative difference exceeds ``tolerance``."""
+    for name in stored:
+        if name == "ids" or name not in parts:
             continue
-        most = max(kept[what].shape[-2], again[what].shape[-2])
-        value, other = _padded(kept[what], most), _padded(again[what], most)
+        rows = max(stored[name].shape[-2], parts[name].shape[-2])
+        value, other = _padded(stored[name], rows), _padded(parts[name], rows)
         axes = tuple(range(value.ndim - 1))
         is_same = (value == other) | (np.isnan(value) & np.isnan(other))
         if is_same.all():
             continue
         with np.errstate(invalid="ignore"):
-            apart = np.where(is_same, 0.0, np.nan_to_num(np.abs(value - other), nan=np.inf)).max(axis=axes)
+            gap = np.where(is_same, 0.0, np.nan_to_num(np.abs(value - other), nan=np.inf)).max(axis=axes)
         largest = np.maximum(*(np.nan_to_num(np.abs(part)).max(axis=axes) for part in (value, other)))
-        gap = apart / np.where(largest > 0.0, largest, 1.0)
-        member = int(np.argmax(gap))
-        if gap[member] == np.inf:
-            return member, f"one has a {what} where the other has none"
-        if gap[member] > same:
-            size = f"{apart[member]:.3g}{' m or m/s' if what == 'mean' else ''}, {gap[member]:.1e} of its largest entry"
-            return member, f"the {what} differs by up to {size}"
+        ratio = gap / np.where(largest > 0.0, largest, 1.0)
+        member = int(np.argmax(ratio))
+        if ratio[member] == np.inf:
+            return member, f"one has a {name} where the other has none"
+        if ratio[member] > tolerance:
+            size = f"{gap[member]:.3g}{' m or m/s' if name == 'mean' else ''}, {ratio[member]:.1e} of its largest entry"
+            return member, f"the {name} differs by up to {size}"
     return None
 
 
 def _renamed(*parts: Mapping[str, Array]) -> tuple[int, str] | None:
-    """Return the member of which a track goes on in one drive and not in the other: parts before and now, of either."""
-    if not all("ids" in each for each in parts):
+    """Return a member with a track that keeps its id in one drive only, from parts before and now of both drives."""
+    if not all("ids" in drive_parts for drive_parts in parts):
         return None
-    before, now, other_before, other_now = (each["ids"] for each in parts)
-    renamed = ((before[:, None] == now) != (other_before[:, None] == other_now)).any(axis=(0, 1))
-    return (int(np.argmax(renamed)), "a track goes on under another id") if renamed.any() else None
+    before, now, other_before, other_now = (drive_parts["ids"] for drive_parts in parts)
+    is_renamed = ((before[:, None] == now) != (other_before[:, None] == other_now)).any(axis=(0, 1))
+    return (int(np.argmax(is_renamed)), "a track goes on under another id") if is_renamed.any() else None
