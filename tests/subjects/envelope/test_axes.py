@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.subjects.envelope.conftest import small
 
-from trackbench.subjects.envelope.axes import MapAxis, axes_of, between, overrides, point_distance, start_points
+from trackbench.subjects.envelope.axes import MapAxis, axes_of, halfway_point, overrides, point_distance, start_points
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
-from trackbench.subjects.envelope.mapping import refined
+from trackbench.subjects.envelope.mapping import refine
 from trackbench.subjects.envelope.task import base_point
 
 
@@ -58,7 +58,7 @@ def test_distance_is_in_shares_of_the_range() -> None:
 def test_between_is_half_way(a: float, b: float) -> None:
     x, y = LOG.at(a), LOG.at(b)
 
-    point = between([LOG], (x,), (y,), 1 / 8)
+    point = halfway_point([LOG], (x,), (y,), 1 / 8)
 
     if abs(LOG.share(x) - LOG.share(y)) <= 1 / 8:
         assert point is None
@@ -81,12 +81,12 @@ def test_the_map_is_refined_at_the_border_alone() -> None:
         point: {"kf": "fails" if float(point[0]) > 0.6 else "holds"} for point in start_points(axes, config, [0.5, 0.5])
     }
 
-    points = refined(axes, states, 100, 1 / 32)
+    points = refine(axes, states, 100, 1 / 32)
 
     assert {point[0] for point in points} == {0.625}
     assert len(points) == 5
-    assert len(refined(axes, states, 2, 1 / 32)) == 2
-    assert refined(axes, states, 100, 0.25) == []
+    assert len(refine(axes, states, 2, 1 / 32)) == 2
+    assert refine(axes, states, 100, 0.25) == []
 
 
 WAYS = {

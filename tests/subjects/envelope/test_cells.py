@@ -99,7 +99,7 @@ def test_the_value_of_a_cell_is_that_of_a_run(
 
     for cell in made.cells.values():
         ((name, tracker),) = cell.trackers.items()
-        (decision,) = tracker.judged
+        (decision,) = tracker.decisions
         assert decision is not None
         result = tb.run(tb.load(cell.loaded.document.value, runs=tracker.extent.runs, trackers=[name]))
         (limit,) = made.task.requirements
@@ -121,7 +121,7 @@ def test_traffic_like_these_repeats_scenes(made_map: Callable[..., EnvelopeMap])
 
     for cell in made.cells.values():
         tracker = cell.trackers["kf"]
-        (decision,) = tracker.judged
+        (decision,) = tracker.decisions
         assert decision is not None
         assert tracker.extent.runs == 2
         assert tracker.extent.scenes in (30, 60)

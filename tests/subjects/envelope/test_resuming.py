@@ -36,7 +36,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory, small_envelope: Envelope) -
     folder = tmp_path_factory.mktemp("looks")
     store = Store(folder, "one")
     assert claim_of(map_of(small(), store=store)).claim == small_envelope.claim
-    assert store.taken == 0
+    assert store.loaded_looks == 0
     return folder
 
 
@@ -53,7 +53,7 @@ def test_what_was_made_is_not_made_again(looks: Path, small_envelope: Envelope) 
     assert claim_of(map_of(small(), store=again)).claim == small_envelope.claim
     assert claim_of(map_of(small(), store=other)).claim == small_envelope.claim
 
-    assert (again.taken, other.taken) == (count, 0)
+    assert (again.loaded_looks, other.loaded_looks) == (count, 0)
 
 
 def test_a_damaged_file_is_made_anew(looks: Path, small_envelope: Envelope) -> None:
@@ -65,7 +65,7 @@ def test_a_damaged_file_is_made_anew(looks: Path, small_envelope: Envelope) -> N
     store = Store(looks, "one")
 
     assert claim_of(map_of(small(), store=store)).claim == small_envelope.claim
-    assert store.taken == len(files) - len(files[::2])
+    assert store.loaded_looks == len(files) - len(files[::2])
 
 
 def test_a_full_disk_is_said_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,8 @@
-"""For which sensors, traffic and manoeuvres a tracker meets its requirement, how surely, and the nearest case in which
-it does not."""
+"""Operating envelopes: for which sensors, traffic and manoeuvres a tracker meets its requirement.
+
+A scenario with an ``envelope:`` block comes in; a map of cells that hold, fail or are undecided goes out, with the
+nearest failing cells as counter-examples. Read ``mapping.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

@@ -1,4 +1,4 @@
-"""An envelope: what is behind ``trackbench envelope``, and the call from a program."""
+"""The call ``trackbench.envelope``, and the steps that it shares with the command."""
 
 from __future__ import annotations
 
@@ -39,50 +39,51 @@ from trackbench.subjects.envelope.task import EnvelopeTask, task_of
 
 @dataclass(frozen=True)
 class EnvelopePlan:
-    """How a map is made."""
+    """Settings of the work: isolation, engine, folder of the runs and number of counter-examples."""
 
     isolation: Isolation = ISOLATED
     engine: EngineName = "auto"
     store: Path | None = None
-    """A folder that keeps the runs until the map is written."""
+    """Folder that keeps the runs until the map is written; None keeps nothing."""
     counter_examples: int | None = None
-    """Most of a tracker; None: twice the number of axes."""
+    """Largest number of counter-examples of a tracker; None for twice the number of axes."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)
 
 
 def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: Listener) -> Envelope:
-    """Make the map that a scenario asks for.
+    """Make the map of a scenario's ``envelope:`` block, and its counter-examples.
 
     Raises:
-        InputError: something is wrong in the scenario, or a cell of the map is none.
+        InputError: the scenario is invalid, as it is written or at a cell of the map.
         TrackbenchError: the processes that do the work died.
     """
     task = task_of(loaded)
     for note in check_plugins(task.loaded, plan.isolation):
         listener.note(note)
-    made = EnvelopeMap(task, executor, plan.isolation, plan.engine, Store(plan.store, map_signature(task, plan)))
+    store = Store(plan.store, map_signature(task, plan))
+    envelope_map = EnvelopeMap(task, executor, plan.isolation, plan.engine, store)
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
-        made.make(advance)
-    mapped = envelope_of(made, command_of_envelope(loaded, plan))
-    maker = CounterMaker(made, mapped.claim)
+        envelope_map.make(advance)
+    mapped = envelope_of(envelope_map, command_of_envelope(loaded, plan))
+    maker = CounterMaker(envelope_map, mapped.claim)
     examples = maker.make(plan.counter_examples, listener)
     claim = mapped.claim.model_copy(update={"counter_examples": examples})
     return replace(mapped, claim=claim, shown=maker.shown)
 
 
-def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
-    """What is claimed of a map that was made."""
-    task, rows = made.task, []
-    cells = [*made.cells.values()]
+def envelope_of(envelope_map: EnvelopeMap, command: str) -> Envelope:
+    """Return the claim of a finished map, with what each run or scene adds to each value."""
+    task, rows = envelope_map.task, []
+    cells = [*envelope_map.cells.values()]
     for number, cell in enumerate(cells):
-        for place, item in enumerate(task.requirements):
-            own = task.of(item.tracker)
-            judged = cell.trackers[item.tracker].judged
-            decision = judged[own.index(item)] if judged else None
+        for limit_number, item in enumerate(task.requirements):
+            tracker_requirements = task.requirements_on(item.tracker)
+            decisions = cell.trackers[item.tracker].decisions
+            decision = decisions[tracker_requirements.index(item)] if decisions else None
             if decision is not None:
-                rows.append((number, place, decision.interval.value + decision.interval.influence))
+                rows.append((number, limit_number, decision.interval.value + decision.interval.influence))
     parts = parts_of(rows)
     config = task.loaded.config
     claim = Claim(
@@ -94,7 +95,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         confidence=task.config.confidence,
         extents=[tuple(extent) for extent in task.extents],
         seed=config.monte_carlo.seed,
-        engine=made.engine,
+        engine=envelope_map.engine,
         versions=versions(),
         command=command,
         envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
@@ -111,7 +112,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
             )
             for cell in cells
         ],
-        absent=made.absent,
+        absent=envelope_map.absent,
     )
     return Envelope(claim, parts)
 
@@ -124,7 +125,7 @@ def _tracker(tracker: TrackerCell) -> TrackerState:
         scenes=tracker.extent.scenes,
         runs=tracker.extent.runs,
         looks=tracker.looks,
-        values=[_value(item) for item in tracker.judged],
+        values=[_value(item) for item in tracker.decisions],
         coverage=tracker.coverage and _value(tracker.coverage),
     )
 
@@ -136,14 +137,14 @@ def _value(item: CellDecision | None) -> CellValue:
 
 
 def map_signature(task: EnvelopeTask, plan: EnvelopePlan) -> str:
-    """What determines the runs of a map."""
+    """Return a hash of all that determines the runs of a map; files of stored runs are named by it."""
     loaded = task.loaded
     settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], hashes_of(loaded), plan.engine, versions()]
     return hashlib.sha256(json.dumps(settings).encode()).hexdigest()
 
 
 def command_of_envelope(loaded: Scenario, plan: EnvelopePlan) -> str:
-    """The command that repeats a map."""
+    """Return the shell command that repeats a map."""
     parts = ["trackbench", "envelope", shown_name(loaded.path)]
     for override in loaded.overrides:
         parts += ["--set", override]
@@ -163,14 +164,14 @@ def envelope(
     """Map where trackers meet what the scenario expects of them.
 
     Args:
-        scenario: what :func:`load` gave or takes, with an ``envelope:`` block.
+        scenario: a scenario with an ``envelope:`` block, loaded or by its path or name.
         workers: number of processes; None: one for each core where it pays. The claim is the same.
         engine: ``auto``, ``numpy`` or ``fused``.
-        counter_examples: most of a tracker; twice the number of axes unless given.
-        progress: called with the number of cells that are decided and of those that there are.
+        counter_examples: largest number of counter-examples of a tracker; None for twice the number of axes.
+        progress: called with the number of decided cells and the number of all cells.
 
     Raises:
-        InputError: something is wrong in the scenario.
+        InputError: the scenario is invalid.
         TrackbenchError: the processes that do the work died.
     """
     loaded = loaded_scenario(scenario)
@@ -180,41 +181,41 @@ def envelope(
 
 
 class FinishedEnvelope:
-    """A map that was made. A notebook shows it as a page, ``print`` as text."""
+    """Finished map. A notebook shows it as a page, ``print`` as text."""
 
-    def __init__(self, made: Envelope) -> None:
-        self.envelope = made
+    def __init__(self, envelope: Envelope) -> None:
+        self.envelope = envelope
 
     @property
     def claim(self) -> Claim:
-        """Its cells, and what repeats them."""
+        """Cells of the map with their states, and what is needed to repeat them."""
         return self.envelope.claim
 
     @property
     def margins(self) -> list[AxisMargin]:
-        """Of each tracker and axis, where the requirement stops to hold along the line through the scenario."""
+        """Borders of each tracker's requirement along each axis, on the line through the scenario."""
         return [margin for tracker in self.claim.trackers for margin in margins(self.claim, tracker)]
 
     def json(self) -> dict[str, Any]:
-        """The claim, as ``trackbench envelope --json`` prints it."""
+        """Return the claim as a dictionary, with the keys of ``trackbench envelope --json``."""
         values: dict[str, Any] = self.claim.model_dump(mode="json")
         return values
 
     def report(self) -> Report:
-        """The page, as ``trackbench envelope`` writes it."""
+        """Return the page that ``trackbench envelope`` writes."""
         from trackbench.subjects.envelope.report import envelope_document
 
         return Report(envelope_document(self.envelope))
 
     def save(self, out: Path | str, recording: bool = True) -> Path:
-        """Write the folder of the envelope; returns its place.
+        """Write the folder of the envelope; return its path.
 
         Args:
-            out: in which it is made.
-            recording: whether each counter-example has one.
+            out: folder in which the envelope's folder is made.
+            recording: whether to write a recording of each counter-example.
 
         Raises:
-            TrackbenchError: it cannot be written.
+            TrackbenchError: the folder cannot be written.
         """
         from trackbench.subjects.envelope.files import save_envelope
 

@@ -1,4 +1,4 @@
-"""Points of the map: where they lie on each axis, and what they change in the scenario."""
+"""Axes of a map: the values that the map starts from, distances, and the scenario's keys that a value sets."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ import numpy as np
 from trackbench.base.config.key_units import split_key
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig, Linked
 
-#: A value of an axis: a number, or the name of a choice.
+#: Value of an axis: a number, or the name of a choice.
 Value = float | str
-#: A value of each axis, in the order of the axes.
+#: Point of a map: a value of each axis, in the order of the axes.
 Point = tuple[Value, ...]
 
 
 @dataclass(frozen=True)
 class MapAxis:
-    """An axis by its name, with its geometry."""
+    """Axis of a map with its name and geometry."""
 
     name: str
     config: Axis
 
     @property
     def continuous(self) -> bool:
-        """Whether the map may be refined along it."""
+        """Whether the map may have cells between two values of the axis."""
         return self.config.continuous
 
     @property
     def ordered(self) -> bool:
-        """Whether its values are numbers."""
+        """Whether the values are numbers, and not choices."""
         return self.config.form != "choices"
 
     @property
     def unit(self) -> str:
-        """Of its values; empty where there is none."""
+        """Unit symbol of the values; empty where there is none."""
         if self.config.unit or self.config.key is None:
             return self.config.unit
         unit = split_key(self.config.key.rpartition(".")[2])[1]
@@ -48,7 +48,7 @@ class MapAxis:
 
     @cached_property
     def values(self) -> tuple[Value, ...]:
-        """Those that the map starts from."""
+        """Values from which the map starts."""
         config = self.config
         if config.form == "choices":
             return tuple(str(choice) for choice in config.choices)
@@ -58,7 +58,7 @@ class MapAxis:
 
     @cached_property
     def ends(self) -> tuple[float, float]:
-        """The least and the largest value of an axis of numbers."""
+        """Least and largest value of an axis of numbers."""
         if self.continuous:
             return float(self.config.low or 0.0), float(self.config.high or 0.0)
         numbers = [float(value) for value in self.values]
@@ -66,38 +66,38 @@ class MapAxis:
 
     @property
     def links(self) -> Mapping[str, Linked]:
-        """How keys of the scenario follow the value of an axis of numbers; without those that it does not change."""
+        """Keys of the scenario that an axis of numbers changes, each with its factor and offset."""
         if self.config.key is not None:
             return {self.config.key: Linked()}
         return {key: link for key, link in self.config.keys.items() if link.factor}
 
     def nearest(self, value: Value | None) -> Value:
-        """Return the value within the ends that is nearest to a value; for None the middle of the axis."""
+        """Return the value within the ends that is nearest to ``value``; the middle of the axis for None."""
         if value is None:
             return self.values[len(self.values) // 2]
         return value if isinstance(value, str) else min(max(value, self.ends[0]), self.ends[1])
 
     def takes(self, value: Value) -> bool:
-        """Whether it may have a value."""
+        """Return whether a value may be a coordinate of a cell."""
         return self.reaches(value) if self.continuous else value in self.values
 
     def reaches(self, value: Value | None) -> bool:
-        """Whether a number lies between the ends."""
+        """Return whether a value is a number between the ends."""
         return isinstance(value, float | int) and self.ends[0] <= value <= self.ends[1]
 
     def exactly_at(self, share: Any) -> Any:
-        """The values at shares of an axis of numbers."""
+        """Return the values at shares (0 to 1, a number or an array) of an axis of numbers."""
         low, high = self.ends
         return low * (high / low) ** share if self.config.scale == "log" else low + share * (high - low)
 
     def at(self, share: float) -> float:
-        """The value at a share of an axis of numbers, rounded to what a person would write."""
+        """Return the value at a share (0 to 1) of an axis of numbers, rounded to about six digits."""
         value, (low, high) = float(self.exactly_at(share)), self.ends
         digits = 5 - math.floor(math.log10(high - low if self.config.scale == "linear" else value))
         return round(value, digits)
 
     def share(self, value: Value) -> float:
-        """Where a value lies between the ends, from 0 to 1; a choice by its place."""
+        """Return the position of a value between the ends, 0 to 1; choices are equally spaced."""
         if not self.ordered or isinstance(value, str):
             return self.values.index(value) / max(1, len(self.values) - 1)
         low, high = self.ends
@@ -106,11 +106,11 @@ class MapAxis:
         return (value - low) / (high - low)
 
     def distance(self, a: Value, b: Value) -> float:
-        """Return the distance of two values in shares of the range; of choices 0 or 1."""
+        """Return the distance of two numbers as a share of the range; 0 or 1 for choices."""
         return float(a != b) if isinstance(a, str) else abs(self.share(a) - self.share(b))
 
     def changes(self, value: Value) -> dict[str, Any]:
-        """By key of the scenario, what it is set to."""
+        """Return the scenario's keys that a value of the axis sets, with their settings."""
         config = self.config
         if isinstance(config.choices, dict) and config.choices:
             return dict(config.choices[str(value)])
@@ -119,50 +119,44 @@ class MapAxis:
             return {config.key: next(choice for choice in config.choices if str(choice) == value)}
         number = float(value)
         links = config.keys or {str(config.key): Linked()}
-        return {key: _plain(link.offset + link.factor * number) for key, link in links.items()}
+        return {key: _int_if_whole(link.offset + link.factor * number) for key, link in links.items()}
 
     def shown(self, value: Value) -> str:
-        """A value with its unit, as it is read."""
+        """Return a value with its unit as text."""
         return value if isinstance(value, str) else f"{value:.4g} {self.unit}".strip()
 
 
 def axes_of(config: EnvelopeConfig) -> tuple[MapAxis, ...]:
-    """The axes of a map, in the order of the scenario."""
+    """Return the axes of a map, in the order of the scenario."""
     return tuple(MapAxis(name, axis) for name, axis in config.axes.items())
 
 
 def overrides(axes: Sequence[MapAxis], point: Point) -> list[str]:
-    """What a point changes in the scenario: ``key.path=value`` each."""
+    """Return the changes of the scenario at a point, as ``key.path=value``."""
     changed: dict[str, Any] = {}
     for axis, value in zip(axes, point, strict=True):
         changed |= axis.changes(value)
     return [f"{key}={json.dumps(value)}" for key, value in changed.items()]
 
 
-def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, own: Sequence[Value | None]) -> list[Point]:
-    """Where the map starts: at most so many points as it may have cells.
+def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, base: Sequence[Value | None]) -> list[Point]:
+    """Return the points from which the map starts, at most ``config.cells``.
 
-    They are every combination of the levels, and the scenario's own point, where it has a value of each axis that the
-    axis takes.
-
-    Args:
-        axes: of the map.
-        config: the block.
-        own: by axis the scenario's own value; None where it has none.
+    They are every combination of the levels, and the scenario's own point ``base`` if it lies on the map.
     """
     points = list(product(*(axis.values for axis in axes)))
-    inside = [value for axis, value in zip(axes, own, strict=True) if value is not None and axis.takes(value)]
+    inside = [value for axis, value in zip(axes, base, strict=True) if value is not None and axis.takes(value)]
     points += [tuple(inside)] if len(inside) == len(axes) else []
     return list(dict.fromkeys(points))[: config.cells]
 
 
 def point_distance(axes: Sequence[MapAxis], a: Point, b: Point) -> float:
-    """Return the Euclidean distance of two points, in shares of each range."""
+    """Return the Euclidean distance of two points, with each axis scaled to the range 0 to 1."""
     return math.hypot(*(axis.distance(x, y) for axis, x, y in zip(axes, a, b, strict=True)))
 
 
-def between(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> Point | None:
-    """The point half way between two that differ in continuous axes alone; None where nothing is left between them."""
+def halfway_point(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> Point | None:
+    """Return the point half way between two; None where no axis has room for one, or they are within ``resolution``."""
     middle: list[Value] = []
     for axis, x, y in zip(axes, a, b, strict=True):
         if x == y:
@@ -171,11 +165,11 @@ def between(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> P
             return None
         else:
             middle.append(axis.at((axis.share(x) + axis.share(y)) / 2))
-    apart = max(abs(axis.share(x) - axis.share(y)) for axis, x, y in zip(axes, a, b, strict=True))
+    distance = max(abs(axis.share(x) - axis.share(y)) for axis, x, y in zip(axes, a, b, strict=True))
     point = tuple(middle)
-    return None if apart <= resolution * (1 + 1e-9) or point in (a, b) else point
+    return None if distance <= resolution * (1 + 1e-9) or point in (a, b) else point
 
 
-def _plain(number: float) -> float | int:
-    """Whole numbers as such: some keys take no others."""
+def _int_if_whole(number: float) -> float | int:
+    # Some keys accept integers only.
     return int(number) if number == int(number) and abs(number) < 1e15 else round(number, 12)

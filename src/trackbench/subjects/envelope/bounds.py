@@ -1,8 +1,8 @@
 """One-sided confidence bounds of an :class:`~trackbench.metrics.intervals.Interval`, at levels down to 1e-5.
 
-A map of many cells that is looked at several times leaves each look a level such as .00005. Student's t is far from
-calibrated there: of exponentially distributed runs, 25 of them, it misses at 1e-4 fifty times as often.
-``benchmarks/calibration/bounds.py`` measures what these bounds miss.
+A map of many cells, each decided at several looks, leaves each look a level such as .00005. Student's t is not
+calibrated there: with 25 exponentially distributed runs, its error at level 1e-4 is fifty times too frequent.
+``benchmarks/calibration/bounds.py`` measures the error rates of the bounds in this file.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from trackbench.metrics.intervals import ALL_THE_SAME, Interval
 
 Side = Literal["lower", "upper"]
 
-#: Runs, and scenes, from which on there is a bound; of a rate twice as many, since few do not show how events gather.
+#: Fewest runs, and scenes, for a bound; a rate needs twice as many, since few do not show how events cluster.
 FEWEST_RUNS, FEWEST_SCENES = 25, 30
-#: By what the skewness of a sample is multiplied: that of a small sample is too small.
+#: Factor on the skewness of a sample, which is biased low in small samples.
 SKEWNESS = 1.3
-#: Coefficient of variation up to which positive values are taken to be as skewed as lognormal ones.
+#: Coefficient of variation up to which positive values are assumed to be as skewed as lognormal ones.
 LOGNORMAL = 1.3
-#: By how many standard deviations what was not seen lies beyond the mean, of runs and of scenes.
+#: Assumed distance of unseen runs, and unseen scenes, from the mean, in standard deviations.
 UNSEEN, UNSEEN_SCENES = 2.0, 3.0
-#: A kind of scenes that makes up this share of all, and is harder by this factor, is allowed for where too few scenes
-#: were seen to have seen it: fewer than ``SEEN`` times minus the logarithm of the level.
+#: With fewer than ``-SEEN * log(level)`` scenes, the upper bound assumes an unseen kind of scene: it makes up the
+#: share ``RARE`` of all scenes and has ``HARDER`` times the mean.
 RARE, HARDER, SEEN = 0.05, 10.0, 30.0
 
 
 class Sample(NamedTuple):
-    """What a mean over runs or scenes rests on. Each array may have any axes: the bounds of many are found at once."""
+    """Statistics of a mean over runs or scenes; arrays of any common shape give the bounds of many means at once."""
 
     mean: Array
     error: Array
-    """Its standard error."""
+    """Standard error of the mean."""
     skewness: Array
-    """Of the runs or scenes."""
+    """Skewness of the values of single runs or scenes."""
     number: int
     scenes: bool = False
 
     @classmethod
     def of(cls, interval: Interval) -> Sample:
-        """That of the mean of which the value is a power."""
+        """Return the statistics of an interval's value."""
         influence = interval.corrected - interval.corrected.mean()
         variance = float((influence**2).mean())
         third = float((influence**3).mean()) / variance**1.5 if variance > 0 else 0.0
@@ -52,24 +52,24 @@ class Sample(NamedTuple):
 
     @property
     def mirrored(self) -> Sample:
-        """That of the negative values."""
+        """Statistics of the negated values."""
         return self._replace(mean=-self.mean, skewness=-self.skewness)
 
     def scaled(self, offset: float, factor: float) -> Sample:
-        """That of ``(value - offset) * factor``."""
+        """Return the statistics of ``(value - offset) * factor``."""
         return self._replace(mean=(self.mean - offset) * factor, error=self.error * abs(factor))
 
     def above(self, level: float, skewness: Array, unseen: Array | float) -> Array:
-        """How far the mean may be above that of the sample.
+        """Return the largest amount by which the true mean may exceed the sample's mean, at a one-sided level.
 
         Student's t with the correction for skewness of Johnson (1978), "Modified t tests and confidence intervals for
-        asymmetrical populations". To it is added what was not seen: a share of ``-log(level) / number`` of all runs may
-        be of a kind of which none was drawn.
+        asymmetrical populations". A term for unseen runs is added: after ``number`` runs, a kind of run never drawn may
+        still make up ``-log(level) / number`` of all.
 
         Args:
-            level: one-sided.
-            skewness: of a run.
-            unseen: by how many standard deviations of a run the unseen ones lie beyond.
+            level: one-sided error probability.
+            skewness: skewness of a single run's value.
+            unseen: distance of unseen runs above the mean, in standard deviations of a run.
         """
         t, root = stdtrit(self.number - 1, 1 - level), self.number**0.5
         correction = np.maximum(skewness, 0.0) * (1 + 2 * t**2) / (6 * root)
@@ -77,14 +77,14 @@ class Sample(NamedTuple):
 
 
 def bound(interval: Interval, level: float, side: Side) -> float | None:
-    """The value is beyond the bound with a probability of at most ``level``; None where no bound is calibrated.
+    """Return a bound that misses the true value with a probability of at most ``level``; None where none is calibrated.
 
-    Runs and scenes of weight 0, such as those without an event, do not count.
+    Runs and scenes of weight 0, such as those without an event, are left out.
 
     Args:
-        interval: a value and what each run, or scene, adds to it.
-        level: the probability of an error, of this side alone.
-        side: ``upper`` for what the value is at most.
+        interval: value with what each run or scene adds to it.
+        level: one-sided error probability.
+        side: ``lower`` or ``upper``.
     """
     if unbounded(interval):
         return None
@@ -106,15 +106,15 @@ def bound(interval: Interval, level: float, side: Side) -> float | None:
 
 
 def unbounded(interval: Interval) -> str:
-    """Why there is no bound; empty where there is one."""
-    there = interval.telling
-    interval = interval.only(there)
+    """Return the reason why there is no bound; empty where there is one."""
+    has_weight = interval.telling
+    interval = interval.only(has_weight)
     parts, rate = interval.parts, interval.counted == "rate"
     fewest = (2 if rate else 1) * (FEWEST_SCENES if parts.scenes else max(FEWEST_RUNS, parts.fewest))
     if parts.number < fewest:
         what = "scenes" if parts.scenes else "runs"
-        if parts.number < len(there):
-            return f"{parts.number} of {len(there)} {what} count, and no bound holds with fewer than {fewest:g}"
+        if parts.number < len(has_weight):
+            return f"{parts.number} of {len(has_weight)} {what} count, and no bound holds with fewer than {fewest:g}"
         return parts.uncalibrated or f"no bound holds with fewer than {fewest:g} {what}"
     return ALL_THE_SAME if interval.constant and not (rate or _is_share(interval)) else ""
 
@@ -124,50 +124,49 @@ def _is_share(interval: Interval) -> bool:
 
 
 def interval_difference(a: Interval, b: Interval, *, same_runs: bool) -> Interval:
-    """``a - b``.
+    """Return the difference ``a - b`` with what each run or scene adds to it.
 
     Args:
-        a: of some runs or scenes.
-        b: of the same, or of others.
-        same_runs: whether the runs of ``a`` have the noise of those of ``b``, each the one in its place.
+        a: first value.
+        b: value to subtract.
+        same_runs: whether run i of ``a`` has the same measurements as run i of ``b``, for each i.
     """
     if same_runs:
-        there = a.telling | b.telling
-        # As many as there were, so that each is still that of its run.
-        influence = np.zeros(len(there))
-        influence[there] = (a.only(there).corrected - b.only(there).corrected) / there.mean()
+        has_weight = a.telling | b.telling
+        # Runs without weight keep their place with 0, so that run i of both values stays run i.
+        influence = np.zeros(len(has_weight))
+        influence[has_weight] = (a.only(has_weight).corrected - b.only(has_weight).corrected) / has_weight.mean()
     else:
         a, b = (item.only(item.telling) for item in (a, b))
         number = len(a.influence) + len(b.influence)
         parts = a.corrected * number / len(a.influence), -b.corrected * number / len(b.influence)
-        influence, there = np.concatenate(parts), np.ones(number, dtype=bool)
-    both = Interval(a.value - b.value, influence, weight=there.astype(float), scenes=a.scenes, in_time=a.in_time)
+        influence, has_weight = np.concatenate(parts), np.ones(number, dtype=bool)
+    both = Interval(a.value - b.value, influence, weight=has_weight.astype(float), scenes=a.scenes, in_time=a.in_time)
     return both._replace(fewest=max(a.fewest, b.fewest))
 
 
 def mean_bound(sample: Sample, level: float, side: Side) -> Array:
-    """Of a mean of values of either sign."""
+    """Return the one-sided bound of a mean whose values may have either sign."""
     if side == "lower":
         return -mean_bound(sample.mirrored, level, "upper")
-    # What was not seen matters as far as the sample is skewed at all: it does not of normal values.
+    # Unseen runs matter less, the less skewed the values are: for normal ones Student's t is calibrated.
     unseen = UNSEEN_SCENES if sample.scenes else UNSEEN * np.minimum(0.3 + 0.7 * abs(sample.skewness), 1.0)
     return sample.mean + sample.above(level, SKEWNESS * sample.skewness, unseen)
 
 
 def positive_bound(sample: Sample, level: float, side: Side, power: float = 1.0) -> Array:
-    """Of a power of a mean of positive values, skewed away from zero.
+    """Return the one-sided bound of a power of a mean of positive values.
 
-    Below it is Student's interval of the logarithm, which is the same whatever the power, corrected where the sample is
-    skewed towards zero. Above, the mean itself has the skewness of the sample or, if that is larger, of lognormal
-    values with its coefficient of variation.
+    The lower bound is Student's bound of the logarithm, corrected where the sample is skewed towards zero. The upper
+    bound corrects the mean for the sample's skewness, or for the skewness of lognormal values with the sample's
+    coefficient of variation, whichever is larger.
 
     Args:
-        sample: of the power of the mean, by the delta method.
-        level: one-sided.
-        side: of the bound.
-        power: one half for a root mean square.
+        sample: statistics of the power of the mean, by the delta method.
+        level: one-sided error probability.
+        side: ``lower`` or ``upper``.
+        power: exponent on the mean, such as one half for a root mean square.
     """
-    # Of the mean over its value.
     relative = sample._replace(error=sample.error / (power * sample.mean))
     if side == "lower":
         reach = relative.above(level, -SKEWNESS * sample.skewness, 0.0)
@@ -182,20 +181,19 @@ def positive_bound(sample: Sample, level: float, side: Side, power: float = 1.0)
 
 
 def share_bound(sample: Sample, level: float, side: Side, events: float = np.inf) -> Array:
-    """Of a share: exact for that of independent trials (Clopper and Pearson 1934, "The use of confidence or fiducial
-    limits illustrated in the case of the binomial").
+    """Return the one-sided bound of a share.
 
-    Where a run is more than one trial, they are as many as tell as much, with fewer for a variance that is known from
-    few runs (Korn and Graubard 1998, "Confidence intervals for proportions with small expected number of positive
-    counts estimated from cluster samples"); and the bound away from the nearer end is at least that of a positive mean,
-    since runs may differ more than such trials. Where all runs are the same, or few have a share at all, each run is
-    one trial. There are never more trials than events.
+    For independent trials it is exact (Clopper and Pearson 1934, "The use of confidence or fiducial limits illustrated
+    in the case of the binomial"). Where runs vary less than single trials would, the effective number of trials is
+    used, reduced because its variance is estimated (Korn and Graubard 1998, "Confidence intervals for proportions with
+    small expected number of positive counts estimated from cluster samples"). The bound towards the further end is then
+    at least :func:`positive_bound`. Otherwise each run is at most one trial. Trials are never more than ``events``.
 
     Args:
-        sample: of the share.
-        level: one-sided.
-        side: of the bound.
-        events: that the share is of, where they are counted.
+        sample: statistics of the share, 0 to 1.
+        level: one-sided error probability.
+        side: ``lower`` or ``upper``.
+        events: number of events that the share refers to, where they are counted.
     """
     if side == "lower":
         return 1 - share_bound(sample.mirrored.scaled(-1.0, 1.0), level, "upper", events)
@@ -203,10 +201,10 @@ def share_bound(sample: Sample, level: float, side: Side, events: float = np.inf
     varies = sample.error > 0
     spread = np.where(varies, sample.error, 1.0)
     trials = np.where(varies, share * (1 - share) / spread**2 * number / (number - 1), number)
-    # So many runs would vary as much if the others had nothing.
+    # Few runs may account for the whole share; their variance then does not measure the number of trials.
     few = share**2 < -2 * np.log(level) * spread**2
     several = varies & ~few & (trials > number * (1 + 1e-6))
-    trials = np.minimum(np.where(several, trials * _known(level, number), np.minimum(trials, number)), events)
+    trials = np.minimum(np.where(several, trials * _variance_factor(level, number), np.minimum(trials, number)), events)
     hits, misses = share * trials, (1 - share) * trials
     exact = np.where(misses > 0, betaincinv(hits + 1, np.maximum(misses, 1e-9), 1 - level), 1.0)
     away = several & (share < 0.5)
@@ -215,21 +213,23 @@ def share_bound(sample: Sample, level: float, side: Side, events: float = np.inf
 
 
 def rate_bound(sample: Sample, exposure: float, level: float, side: Side) -> Array:
-    """Of a rate of events: Garwood's limits of a Poisson variable (1936, "Fiducial limits for the Poisson
-    distribution"). Where the runs or scenes differ by more than Poisson variables do, the events are as many as tell as
-    much; and the upper bound is at least that of a positive mean.
+    """Return the one-sided bound of a rate of events.
+
+    It is Garwood's limit of a Poisson variable (1936, "Fiducial limits for the Poisson distribution"). Where runs or
+    scenes vary more than Poisson variables, the number of events is divided by the dispersion, and the upper bound is
+    at least :func:`positive_bound`.
 
     Args:
-        sample: of the rate.
-        exposure: over which the events were counted, in the unit of one over the rate.
-        level: one-sided.
-        side: of the bound.
+        sample: statistics of the rate.
+        exposure: time or distance in which the events were counted, in the inverse unit of the rate.
+        level: one-sided error probability.
+        side: ``lower`` or ``upper``.
     """
     events = sample.mean * exposure
     dispersion = np.where(events > 0, sample.error**2 * exposure / np.where(events > 0, sample.mean, 1.0), 1.0)
     several = dispersion > 1
     few = 1 - 2 * np.log(level) / sample.number
-    dispersion = np.where(several, dispersion * few / _known(level, sample.number), 1.0)
+    dispersion = np.where(several, dispersion * few / _variance_factor(level, sample.number), 1.0)
     events, exposures = events / dispersion, exposure / dispersion
     if side == "lower":
         return np.where(events > 0, gammaincinv(np.maximum(events, 1e-9), level), 0.0) / exposures
@@ -238,6 +238,6 @@ def rate_bound(sample: Sample, exposure: float, level: float, side: Side) -> Arr
     return np.where(several, np.maximum(limit, skewed), limit)
 
 
-def _known(level: float, number: int) -> float:
-    """By what a number of trials is multiplied whose variance is known from so many runs."""
+def _variance_factor(level: float, number: int) -> float:
+    """Return the factor, below 1, on a number of trials whose variance is estimated from ``number`` runs."""
     return float(ndtri(1 - level) / stdtrit(number - 1, 1 - level)) ** 2

@@ -1,6 +1,7 @@
-"""A cell of the map: the scenario at one point, the runs that were made there, and what they decide.
+"""Cells of a map: the runs of the scenario at one point, and the decision that they allow.
 
-Its runs are kept until the map is finished, so that the same command goes on where it was interrupted.
+A look extends the runs of a cell and decides again. Runs are stored until the map is finished, so that an
+interrupted command goes on where it was.
 """
 
 from __future__ import annotations
@@ -40,45 +41,45 @@ from trackbench.truth import LoadedTruth
 
 
 class Spending(NamedTuple):
-    """The error of a map, shared by its cells, trackers and looks."""
+    """Error probability of a map, shared by its cells, trackers and looks."""
 
     error: float
-    """That any cell is decided wrongly, for any tracker."""
+    """Probability that any cell is decided wrongly, for any tracker."""
     tests: int
-    """Cells times trackers, as planned."""
+    """Planned number of cells times trackers."""
     numbers: tuple[int, ...]
-    """Of runs, or scenes, of a cell at each look, as planned."""
+    """Planned number of runs, or scenes, of a cell at each look."""
 
     def at(self, look: int) -> float:
-        """What a look, counted from 0, may spend."""
+        """Return the error probability of one look (counted from 0) at one cell of one tracker."""
         added = self.numbers[look] - (self.numbers[look - 1] if look else 0)
         return self.error / self.tests * added / self.numbers[-1]
 
 
 class CellDecision(NamedTuple):
-    """A requirement in a cell after a look."""
+    """Decision on a requirement in a cell after a look."""
 
     state: State
     interval: Interval
     low: float | None
-    """One-sided bounds of the value, each at the level of what it would show; None where there is none."""
+    """One-sided lower bound of the value, as ``high`` is the upper one; None where no bound is calibrated."""
     high: float | None
 
     @property
     def reason(self) -> str:
-        """Why there is no bound; empty where there is one."""
+        """Reason why there is no bound; empty where there is one."""
         return unbounded(self.interval)
 
 
 def decide(interval: Interval, limit: float, direction: Direction, level: float, requirements: int = 1) -> CellDecision:
-    """Hold a value against its limit.
+    """Decide whether a value holds or fails its limit, by one-sided bounds.
 
     Args:
-        interval: of the runs or scenes so far.
-        limit: that it has to be below or above.
-        direction: which of these.
-        level: what the look may spend.
-        requirements: of the cell.
+        interval: value with what each run or scene so far adds to it.
+        limit: limit of the requirement, in the unit of the value.
+        direction: side of the limit on which the value must lie.
+        level: error probability that the look may spend.
+        requirements: number of requirements on the tracker; a failure of any one fails the cell.
     """
     below = direction == "below"
     low = bound(interval, level / requirements if below else level, "lower")
@@ -92,19 +93,19 @@ def decide(interval: Interval, limit: float, direction: Direction, level: float,
 
 
 def joint_state(states: Iterable[State]) -> State:
-    """The state of a cell from those of all its requirements."""
+    """Return the state of a cell from the states of all its requirements."""
     distinct = set(states)
     return "fails" if "fails" in distinct else "holds" if distinct == {"holds"} else "undecided"
 
 
 class Extent(NamedTuple):
-    """How far the runs of a cell go: runs of each of its scenes."""
+    """Number of scenes of a cell, and of runs of each scene."""
 
     scenes: int
     runs: int
 
     def blocks_beyond(self, done: Extent, largest: int) -> list[BlockRuns]:
-        """The runs that are missing from what was done, in blocks of at most so many."""
+        """Return the runs that go beyond ``done``, in blocks of at most ``largest`` runs."""
         pieces = []
         for scene in range(self.scenes):
             first = done.runs if scene < done.scenes else 0
@@ -114,29 +115,29 @@ class Extent(NamedTuple):
 
     @property
     def parts(self) -> int:
-        """Number of runs of all scenes."""
+        """Number of runs in all scenes together."""
         return self.scenes * self.runs
 
 
 @dataclass
 class Runs:
-    """What the runs of one tracker in a cell left."""
+    """Metric sums of one tracker's runs in a cell."""
 
     sums: MetricSums = field(default_factory=dict)
     scene: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    """``(runs,)`` the scene of each run, in the order in which they were made."""
+    """Scene of each run, ``(runs,)``, in the order in which the runs were made."""
     run: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    """``(runs,)`` its number in the scene."""
+    """Number of each run in its scene, ``(runs,)``."""
 
     def with_blocks(self, sums: MetricSums, pieces: Sequence[BlockRuns], metrics: Sequence[Metric]) -> Runs:
-        """With the runs of some more blocks."""
+        """Return a copy with the runs of further blocks."""
         scene = np.concatenate([np.full(len(piece.runs), piece.scene) for piece in pieces])
         run = np.concatenate([np.array(piece.runs) for piece in pieces])
-        whole = merge_sums([self.sums, sums], metrics) if self.sums else sums
-        return Runs(whole, np.concatenate([self.scene, scene]), np.concatenate([self.run, run]))
+        merged = merge_sums([self.sums, sums], metrics) if self.sums else sums
+        return Runs(merged, np.concatenate([self.scene, scene]), np.concatenate([self.run, run]))
 
     def evaluated(self, metrics: Sequence[Metric], claim: Population) -> Evaluation:
-        """Each metric, with what each independent part adds: a scene, or the run of one number in all scenes."""
+        """Return each metric with what each independent part adds: a scene, or the runs of one number in all scenes."""
         if claim == "traffic like these":
             return evaluate(self.sums, self.scene, metrics)
         evaluation = evaluate(self.sums, np.zeros_like(self.scene), metrics)
@@ -145,7 +146,7 @@ class Runs:
 
 
 def _by_repetition(interval: Interval, run: Indices) -> Interval:
-    """The scenes stay and runs repeat: the run of one number in all scenes is one independent part."""
+    """Average what the runs of one number in all scenes add, since only such groups are independent."""
     if len(interval.influence) != len(run) or run[-1] + 1 == len(run):
         return interval
     number = np.bincount(run)
@@ -154,19 +155,19 @@ def _by_repetition(interval: Interval, run: Indices) -> Interval:
 
 
 class LookResult(NamedTuple):
-    """What some new runs of a cell left, by tracker."""
+    """Result of one look's new runs in a cell: sums and failures by tracker name."""
 
     sums: dict[str, MetricSums]
     failures: dict[str, Failure]
     measurements: bytes
-    """A hash of them."""
+    """Hash of the measurements of these runs."""
 
 
 def requirements_of(loaded: Scenario) -> list[ClaimedLimit]:
-    """Return what the scenario expects, as limits by which its cells are judged.
+    """Return the expectations of the scenario as limits by which cells are decided.
 
     Raises:
-        InputError: it expects nothing, or something that no interval tells, or no other run can repeat.
+        InputError: there is no expectation, or one is on a metric that has no interval or cannot be repeated.
     """
     config = loaded.config
     if not config.expect:
@@ -197,10 +198,10 @@ def work_of_cell(
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
 ) -> Work:
-    """What the runs of a cell need; of the metrics those that it is judged by, and coverage.
+    """Return the work of a cell, with only the metrics of its requirements, and coverage.
 
     Raises:
-        InputError: a requirement is on what has no interval.
+        InputError: a requirement is on a metric that has no interval.
     """
     work = work_of(loaded, truths, isolation, engine)
     wanted = {item.metric for item in requirements}
@@ -215,24 +216,22 @@ def work_of_cell(
 
 
 def _paths(metric: Metric, work: Work) -> frozenset[str]:
-    """What expectations may name that is a mean over runs."""
     sensors = work.sensors if metric.per_sensor else ("",)
     return frozenset(metric.path.replace("<sensor>", sensor) for sensor in sensors)
 
 
 def make_runs(work: Work, names: Collection[str], pieces: Sequence[BlockRuns]) -> LookResult:
-    """The runs of some blocks of a cell, for some of its trackers; called in any process."""
+    """Make the runs of some blocks of a cell for the trackers in ``names``, in any process."""
     work = replace(work, trackers={name: entry for name, entry in work.trackers.items() if name in names})
     blocks = [block for group in work.groups(pieces) for block in run_blocks(work, group)]
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
     sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
-    digest = hashlib.sha256(b"".join(each for block in blocks for each in block.digests)).digest()
+    digest = hashlib.sha256(b"".join(digest for block in blocks for digest in block.digests)).digest()
     return LookResult(sums, failures, digest)
 
 
 def coverage_of(runs: Runs, claim: Population) -> Interval | None:
-    """Share of the estimates that are due and were given, with what each independent part adds; None with hidden
-    identities, and where none is due."""
+    """Return the share of expected estimates that were given; None with hidden identities or none expected."""
     scores = runs.sums.get(ESTIMATES.name)
     if scores is None or not scores.due.sum() > 0:
         return None
@@ -241,44 +240,44 @@ def coverage_of(runs: Runs, claim: Population) -> Interval | None:
 
 
 class Store:
-    """A folder with a file for each look at each cell.
+    """Folder with a file for each look at each cell.
 
     Args:
-        folder: None keeps nothing.
-        signature: what determines the runs; the files of another one have other names.
+        folder: the folder; None stores nothing.
+        signature: hash of all that determines the runs; it enters the names of the files.
     """
 
     def __init__(self, folder: Path | None, signature: str) -> None:
         self._folder, self._signature = folder, signature
-        self.taken = 0
-        """Looks that were there already."""
+        self.loaded_looks = 0
+        """Number of looks that were read from the folder."""
 
     def load(self, point: Point, look: int) -> Any:
-        """Return what a look at a cell left; None where it was not made, or its file is damaged."""
+        """Return the stored result of a look at a cell; None where there is none, or its file is damaged."""
         if self._folder is None:
             return None
         try:
             content = pickle.loads(self._file(self._folder, point, look).read_bytes())
         except Exception:
             return None
-        self.taken += 1
+        self.loaded_looks += 1
         return content
 
     def save(self, point: Point, look: int, content: Any) -> None:
-        """Keep what a look at a cell left; the file is there whole, or not at all.
+        """Store the result of a look at a cell; the file is written whole or not at all.
 
         Raises:
-            OutputError: it cannot be written.
+            OutputError: the file cannot be written.
         """
         if self._folder is None:
             return
-        whole, file = pickle.dumps(content), self._file(self._folder, point, look)
+        pickled, file = pickle.dumps(content), self._file(self._folder, point, look)
         try:
             try:
-                write_whole(file, whole)
+                write_whole(file, pickled)
             except FileNotFoundError:
-                # Another command with the same map has ended, and removed the folder.
-                write_whole(file, whole)
+                # Another command with the same map may have ended meanwhile and removed the folder.
+                write_whole(file, pickled)
         except OSError as error:
             raise OutputError(f"cannot write {self._folder}: {error.strerror or error}") from error
 

@@ -1,4 +1,4 @@
-"""What is claimed of a map: each cell with its state, and what is needed to repeat and check it (``claim.json``)."""
+"""The claim of a map (``claim.json``): each cell with its state, and what is needed to repeat and check it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STATES: tuple[State, ...] = ("holds", "fails", "undecided")
 
 
 class ClaimedLimit(ResultModel):
-    """A requirement of the scenario."""
+    """Requirement on a tracker: a metric that must lie below or above a limit."""
 
     tracker: str
     metric: str
@@ -40,115 +40,114 @@ class ClaimedLimit(ResultModel):
 
     @property
     def text(self) -> str:
-        """As it is read."""
+        """Requirement as text: "ekf position_rmse below 0.5 m"."""
         return f"{self.tracker} {self.metric} {self.direction} {self.limit:g}{self.after_number}"
 
     @property
     def after_number(self) -> str:
-        """The unit as it stands after a number: " m"; empty where there is none."""
+        """Text after a number: a space and the unit; empty for a metric without unit."""
         return "" if self.unit == "1" else f" {self.unit}"
 
     def excess(self, value: Any) -> Any:
-        """Return how far a value, or each of several, is beyond the limit; negative where it meets it."""
+        """Return by how much a value, or each value of an array, violates the limit; negative where it meets it."""
         return value - self.limit if self.direction == "below" else self.limit - value
 
 
 class CellValue(ResultModel):
-    """A requirement in a cell."""
+    """Value of a requirement's metric in a cell, with its state."""
 
     state: State
     value: float | None
     low: float | None
-    """One-sided bounds of the value, each at the error that is spent at this look; None where there is none."""
+    """One-sided lower bound, as ``high`` is the upper one, at the last look's error probability; None without one."""
     high: float | None
 
     @property
     def text(self) -> str:
-        """The value with its bounds: "0.45 (0.4 to 0.5)"."""
+        """Value with its bounds as text: "0.45 (0.4 to 0.5)"."""
         value, low, high = ("open" if end is None else f"{end:.3g}" for end in (self.value, self.low, self.high))
         return f"{value} ({low} to {high})"
 
 
 class TrackerState(ResultModel):
-    """A tracker in a cell."""
+    """State of a tracker in a cell."""
 
     state: State
     cause: str
-    """Why it fails, or cannot be decided, where that is not a limit."""
+    """Reason other than a limit why the tracker fails or is undecided; empty where there is none."""
     failed: bool = False
-    """Whether the tracker could not go on."""
+    """Whether the tracker broke down."""
     scenes: int
     runs: int
-    """Of each scene."""
+    """Runs of each scene."""
     looks: int
     values: list[CellValue]
-    """By requirement on the tracker, in their order."""
+    """Value of each requirement on the tracker, in the order of ``Claim.limits``."""
     coverage: CellValue | None = None
-    """The share of the estimates, held against the least of the scenario; None where it is not needed."""
+    """Share of expected estimates that were given; None where the scenario requires no share."""
 
 
 class ClaimCell(ResultModel):
-    """A point of the map."""
+    """Cell of the map: a point with the states of the trackers."""
 
     point: list[float | str]
     changes: list[str]
-    """``key.path=value`` of each key that the scenario has there."""
+    """Changes of the scenario at the point, as ``key.path=value``."""
     added: bool
-    """Whether it was put near a border."""
+    """Whether the cell was added near a border, beside the grid from which the map starts."""
     measurements: list[str]
-    """Of each look, a hash of the measurements of the runs that were added."""
+    """Hash of the measurements of the runs added at each look."""
     trackers: dict[str, TrackerState]
 
     @property
     def at(self) -> Point:
-        """Its values of the axes."""
+        """Values of the axes as a point."""
         return tuple(self.point)
 
 
 class AbsentCells(ResultModel):
-    """All points with some values of the axes, at which a world sets what an axis varies: a cell would be a copy."""
+    """Group of points without cells: the world sets there what an axis varies, so that each cell would be a copy."""
 
     at: dict[str, float | str]
-    """Values of such points by axis."""
+    """Values that these points have in common, by axis name."""
     reason: str
 
 
 class Claim(ResultModel):
-    """A map."""
+    """Claim of a map: its cells with their states, and what repeats them."""
 
     schema_version: Literal[1] = 1
     scenario: str
-    """Its name."""
+    """Name of the scenario."""
     file: str
-    """The scenario file, as it was named."""
+    """Path or name of the scenario file, as the user gave it."""
     text: str
-    """Of that file."""
+    """Text of the scenario file."""
     overrides: list[str]
     claim: Population
     confidence: float
     extents: list[tuple[int, int]]
-    """Of each look: scenes, and runs of each."""
+    """Number of scenes, and of runs of each scene, at each look."""
     seed: int
     engine: str
     versions: dict[str, str]
     command: str
     envelope: dict[str, Any]
-    """The ``envelope:`` block, as it was."""
+    """The scenario's ``envelope:`` block."""
     limits: list[ClaimedLimit]
     base: list[float | str | None]
     """The scenario's own value of each axis; None where it has none."""
     cells: list[ClaimCell]
     absent: list[AbsentCells] = Field(default_factory=list)
     places: dict[str, int] = Field(default_factory=dict)
-    """By tracker, its place in the scenario file, from which it has its colour."""
+    """Place of each tracker in the scenario file, by name; it determines the tracker's colour."""
     counter_examples: CounterExamples | None = None
-    """None where none were looked for."""
+    """Counter-examples of the map; None before they are sought."""
     parts: str | None = None
-    """The sha256 of the file with the values of the runs; None until it is written."""
+    """SHA-256 hash of the file with the values of the runs; None until the file is written."""
 
     @model_validator(mode="after")
     def _whole(self) -> Claim:
-        """Its cells are such as its axes and its requirements have."""
         try:
             axes, trackers = self.axes, self.trackers
         except ValidationError as invalid:
@@ -169,45 +168,44 @@ class Claim(ResultModel):
 
     @cached_property
     def config(self) -> EnvelopeConfig:
-        """The block."""
+        """The ``envelope:`` block, validated."""
         return EnvelopeConfig.model_validate(self.envelope)
 
     @cached_property
     def axes(self) -> tuple[MapAxis, ...]:
-        """Those of the map."""
+        """Axes of the map."""
         return axes_of(self.config)
 
     @property
     def trackers(self) -> list[str]:
-        """Those of which something is required."""
+        """Names of the trackers that have a requirement."""
         return list(dict.fromkeys(limit.tracker for limit in self.limits))
 
     @property
     def own_values(self) -> dict[str, float | str | None]:
-        """The scenario's own, by the name of the axis."""
+        """The scenario's own value of each axis, by axis name."""
         return {axis.name: value for axis, value in zip(self.axes, self.base, strict=True)}
 
     @property
     def base_point(self) -> Point:
-        """The scenario's own point, within the map; the middle of an axis for which the scenario has no value."""
+        """Point of the map nearest to the scenario; the middle of an axis for which the scenario has no value."""
         return tuple(axis.nearest(value) for axis, value in zip(self.axes, self.base, strict=True))
 
     def limits_of(self, tracker: str) -> list[ClaimedLimit]:
-        """The requirements on a tracker."""
         return [limit for limit in self.limits if limit.tracker == tracker]
 
     def required_of(self, tracker: str) -> str:
-        """What is required of a tracker, as it is read."""
+        """Return the requirements on a tracker as text, without its name."""
         return " and ".join(limit.text.removeprefix(f"{tracker} ") for limit in self.limits_of(tracker))
 
     def counts(self, tracker: str) -> dict[State, int]:
-        """By state, the number of cells."""
+        """Return the number of cells in each state of a tracker."""
         states = [cell.trackers[tracker].state for cell in self.cells]
         return {state: states.count(state) for state in STATES}
 
     @property
     def failures(self) -> dict[str, str]:
-        """By tracker, why it could not go on in the first cell in which it could not; empty where it always could."""
+        """Reason of each tracker's first breakdown, by tracker name; empty where it never broke down."""
         return {
             name: next((cell.trackers[name].cause for cell in self.cells if cell.trackers[name].failed), "")
             for name in self.trackers
@@ -216,68 +214,65 @@ class Claim(ResultModel):
 
 @dataclass(frozen=True)
 class Envelope:
-    """A claim with what each run, or scene, adds to each value."""
+    """Claim with what each run, or scene, adds to each value."""
 
     claim: Claim
     parts: pa.Table
-    """``cell`` and ``limit`` (their numbers in the claim), ``part`` (the run, or the scene), ``value``: their mean over
-    the parts is the value of the cell, to first order."""
+    """Columns ``cell`` and ``limit`` (numbers in the claim), ``part`` (number of the run or scene) and ``value``.
+    The mean of ``value`` over the parts is the cell's value, to first order."""
     shown: Mapping[str, ShownExample] = field(default_factory=dict)
-    """By folder, the counter-examples; none of a claim that was read."""
+    """Counter-examples by folder name; empty for a claim that was read from a file."""
     folder: Path | None = None
-    """The folder that it was read from."""
+    """Folder from which the claim was read; None for a new one."""
 
     def values(self, cell: int, limit: int) -> Array:
-        """``(parts,)`` of a requirement in a cell."""
-        return self._by_place.get((cell, limit), np.zeros(0))
+        """Return what each part adds to a requirement's value in a cell, ``(parts,)``; empty without a value."""
+        return self._parts_by_cell.get((cell, limit), np.zeros(0))
 
     @cached_property
     def nearest_run(self) -> Result | None:
-        """The run of the nearest counter-example; None where there is none, or not any more."""
+        """Result of the nearest counter-example's run; None where there is none, or its folder is gone."""
         counter = self.claim.counter_examples
         nearest = min(counter.examples if counter else (), key=lambda example: example.distance, default=None)
         if nearest is None or nearest.folder in self.shown:
             return self.shown[nearest.folder].result if nearest else None
-        place = self.folder and self.folder / COUNTER_EXAMPLES / nearest.folder
-        return Result.load(place) if place and place.is_dir() else None
+        path = self.folder and self.folder / COUNTER_EXAMPLES / nearest.folder
+        return Result.load(path) if path and path.is_dir() else None
 
     @cached_property
-    def _by_place(self) -> dict[tuple[int, int], Array]:
+    def _parts_by_cell(self) -> dict[tuple[int, int], Array]:
         groups = self.parts.to_pandas().groupby(["cell", "limit"])["value"]
-        return {place: values.to_numpy() for place, values in groups}
+        return {key: values.to_numpy() for key, values in groups}
 
 
 def place_of_cell(axes: Sequence[MapAxis], point: Point) -> str:
-    """A cell as it is read: "azimuth 0.5 deg, range 0.1 m"."""
+    """Return the coordinates of a cell as text: "azimuth 0.5 deg, range 0.1 m"."""
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
 
 
-def read_claim(place: Path) -> Claim:
-    """The claim of a folder or of its file.
+def read_claim(path: Path) -> Claim:
+    """Read a claim from the envelope's folder, or from its file.
 
     Raises:
-        InputError: there is none, or it is damaged.
+        InputError: there is no claim, or it is damaged.
     """
-    file = place / CLAIM if place.is_dir() else place
+    file = path / CLAIM if path.is_dir() else path
     if file.suffix in (".yaml", ".yml"):
         raise InputError("this is a scenario; `trackbench envelope` writes the folder of its claim", file=file)
     try:
         return read_model(Claim, file, "claim of an envelope", SCHEMA_VERSION)
     except FileNotFoundError:
-        raise InputError(f"there is no {CLAIM} of an envelope", file=place) from None
+        raise InputError(f"there is no {CLAIM} of an envelope", file=path) from None
 
 
-def read_envelope(place: Path) -> Envelope:
-    """The claim of a folder with the values of its runs.
-
-    Args:
-        place: the folder, or the claim in it.
+def read_envelope(path: Path) -> Envelope:
+    """Read a claim with the values of its runs, from the envelope's folder or its claim file.
 
     Raises:
-        InputError: one is not there, damaged, or of another map.
+        InputError: a file is missing, damaged, or of another map.
     """
-    folder = place if place.is_dir() else place.parent
-    claim, file = read_claim(place), folder / PARTS
+    folder = path if path.is_dir() else path.parent
+    claim, file = read_claim(path), folder / PARTS
     try:
         parts = stored_table(file, claim.parts, CLAIM)
     except FileNotFoundError:
@@ -288,7 +283,7 @@ def read_envelope(place: Path) -> Envelope:
 
 
 def parts_of(rows: Sequence[tuple[int, int, Array]]) -> pa.Table:
-    """The table of values ``(parts,)`` by cell and requirement."""
+    """Return the table ``Envelope.parts`` from rows of cell number, requirement number and values ``(parts,)``."""
     sizes = [len(values) for *_, values in rows]
     columns = {
         "cell": np.repeat([cell for cell, *_ in rows], sizes).astype(np.int32),

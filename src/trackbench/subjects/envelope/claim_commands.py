@@ -1,4 +1,4 @@
-"""What is done with finished maps: ``trackbench envelope diff``, and cells as test cases."""
+"""``trackbench envelope diff``, and the cells of a finished map as test cases."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _OUTCOMES: dict[State, Literal["passed", "failed", "undecided"]] = {
 
 
 def suite_of_claim(claim: Claim) -> Suite:
-    """Return each tracker in each cell of a map as a test case."""
+    """Return the cells of a map as test cases, one for each tracker in each cell."""
     cases = []
     for cell in claim.cells:
         for name, tracker in cell.trackers.items():
             limits = claim.limits_of(name)
             text = f"{name}: {claim.required_of(name)} at {place_of_cell(claim.axes, cell.at)}"
-            message = tracker.cause or "; ".join(_values(limits, tracker))
+            message = tracker.cause or "; ".join(_value_texts(limits, tracker))
             cases.append(Case(text, f"{claim.scenario}.{name}", _OUTCOMES[tracker.state], message))
     return Suite(f"envelope of {claim.scenario}", cases)
 
 
-def _values(limits: list[ClaimedLimit], tracker: TrackerState) -> Iterator[str]:
+def _value_texts(limits: list[ClaimedLimit], tracker: TrackerState) -> Iterator[str]:
     for limit, value in zip(limits, tracker.values, strict=False):
         if value.value is not None:
             yield f"{value.state}: {limit.metric} is {value.text}"
@@ -45,7 +45,7 @@ def _values(limits: list[ClaimedLimit], tracker: TrackerState) -> Iterator[str]:
 @junit_option("Write the cells as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON, and nothing else.")
 def diff_command(before: Path, after: Path, junit: Path | None, as_json: bool) -> None:
-    """Show in which cells a tracker does not hold any more.
+    """Show the cells in which a tracker no longer meets its requirement.
 
     A and B are folders of envelopes with the same axes and requirements. A cell is lost if it holds in A and fails in
     B, and B is shown to be worse there: run by run where both have the same measurements. The probability that any
@@ -56,7 +56,7 @@ def diff_command(before: Path, after: Path, junit: Path | None, as_json: bool) -
       trackbench envelope diff before/highway-envelope after/highway-envelope
 
     \b
-    Exit status: 0 no cell is lost, 1 one is, 2 bad input or not comparable,
+    Exit status: 0 no cell is lost, 1 a cell is lost, 2 bad input or not comparable,
     4 cannot write
     """
     from trackbench.subjects.envelope.claim import read_envelope

@@ -1,4 +1,4 @@
-"""``trackbench envelope``"""
+"""The command ``trackbench envelope``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DIFF = "trackbench.subjects.envelope.claim_commands:diff_command"
 
 
 class EnvelopeGroup(click.Group):
-    """Takes a scenario where its first word is not ``diff``."""
+    """Command group that takes a scenario as its first word, unless that is ``diff``."""
 
     allow_extra_args = False
     allow_interspersed_args = True
@@ -68,7 +68,7 @@ class EnvelopeGroup(click.Group):
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
 @engine_option
 @isolation_options
-@click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N of a tracker.")
+@click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N for each tracker.")
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @junit_option("Write the cells as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
@@ -127,15 +127,15 @@ def envelope_command(
     kept = f"the runs so far are kept; the same command goes on from {store}"
     with executor(workers, cluster) as chosen, if_interrupted(kept):
         plan = EnvelopePlan(isolation, engine, store, counter_examples)
-        made = make_envelope(loaded, plan, chosen, output)
-    folder = save_envelope(made, out, not no_recording)
-    write_suites([suite_of_claim(made.claim)], junit)
+        envelope = make_envelope(loaded, plan, chosen, output)
+    folder = save_envelope(envelope, out, not no_recording)
+    write_suites([suite_of_claim(envelope.claim)], junit)
     if as_json:
-        print_answer(claim_text(made.claim), nl=False)
+        print_answer(claim_text(envelope.claim), nl=False)
     elif quiet:
-        for line in headlines(made.claim):
+        for line in headlines(envelope.claim):
             print_answer(line)
     else:
-        print_document(envelope_summary(made), Console(file=answer()))
+        print_document(envelope_summary(envelope), Console(file=answer()))
         print_answer(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")
-    raise click.exceptions.Exit(FAILED_PLUGIN if any(made.claim.failures.values()) else 0)
+    raise click.exceptions.Exit(FAILED_PLUGIN if any(envelope.claim.failures.values()) else 0)

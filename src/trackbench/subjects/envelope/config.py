@@ -11,25 +11,25 @@ from pydantic import Field
 from trackbench.base.config import Config, Name, Problem
 from trackbench.subjects.envelope.bounds import FEWEST_RUNS
 
-#: What an axis may be given by; exactly one of these.
+#: Keys that say which values an axis has; exactly one must be given.
 FORMS = ("from", "values", "choices")
-#: Of what is not an axis: numbers of the Monte-Carlo design, and what the map itself is made of.
+#: Blocks of a scenario that no axis may change, since the map itself rests on them.
 FIXED = ("monte_carlo", "envelope", "name", "expect", "worlds", "recording")
 
 
 class Linked(Config):
-    """How a key follows the value of an axis: ``offset + factor * value``."""
+    """Linear relation of a key to the value of an axis: ``offset + factor * value``."""
 
     factor: float = Field(1, description="What the value is multiplied by.")
     offset: float = Field(0, description="What is added.")
 
     def value(self, number: float) -> float:
-        """The value of the axis at which the key has a number."""
+        """Return the value of the axis at which the key equals ``number``."""
         return (number - self.offset) / self.factor
 
 
 class Axis(Config):
-    """What is varied: one key of the scenario, several that follow from one value, or named changes."""
+    """Axis of a map: one key of the scenario, several that follow one value, or named changes."""
 
     key: str | None = Field(None, description="The key that takes the value, such as `sensors.radar.range_sigma_m`.")
     keys: dict[str, Linked] = Field(
@@ -39,21 +39,21 @@ class Axis(Config):
     high: float | None = Field(None, alias="to", description="The largest value of a continuous axis.")
     levels: int = Field(5, ge=2, le=200, description="How many values of a continuous axis the map starts from.")
     scale: Literal["linear", "log"] = Field("linear", description="How the values of a continuous axis are spaced.")
-    values: list[float] = Field(default_factory=list, description="The values, if there are no others between them.")
+    values: list[float] = Field(default_factory=list, description="All values of an axis that has none between them.")
     choices: dict[str, dict[str, Any]] | list[str | bool] = Field(
         default_factory=list,
         description="Categories: values of `key`, or names, each with the keys that it sets.",
     )
-    unit: str = Field("", description="Of the value, as it is shown; that of the key unless given.")
+    unit: str = Field("", description="Unit shown with the value; unless given, the unit of the key.")
 
     @property
     def continuous(self) -> bool:
-        """Whether there are values between two others."""
+        """Whether the axis has values between any two of its values."""
         return self.low is not None
 
     @property
     def form(self) -> str:
-        """The key that says which values there are."""
+        """Key that says which values the axis has: ``from``, ``values`` or ``choices``."""
         return self._forms[0]
 
     @property
@@ -105,13 +105,13 @@ class Axis(Config):
 
 
 class Population(Config):
-    """How the runs of a cell grow from look to look."""
+    """Numbers of runs of a cell at the first and the last look."""
 
     first: int = Field(
-        25, ge=FEWEST_RUNS, description="Runs at the first look at a cell; of `traffic like these`, scenes."
+        25, ge=FEWEST_RUNS, description="Runs at the first look at a cell; scenes for `traffic like these`."
     )
     most: int = Field(
-        400, ge=FEWEST_RUNS, description="The number after which a cell that is not decided stays `undecided`."
+        400, ge=FEWEST_RUNS, description="Runs, or scenes, after which a cell without a decision stays `undecided`."
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -120,7 +120,7 @@ class Population(Config):
 
 
 class EnvelopeConfig(Config):
-    """What `trackbench envelope` varies, and how surely a cell of its map is decided."""
+    """Settings of `trackbench envelope`: what is varied, and how surely a cell of the map is decided."""
 
     EXAMPLE: ClassVar[str] = """\
 envelope:
@@ -135,10 +135,10 @@ envelope:
     confidence: ClassVar[float] = 0.95
     claim: Literal["these scenes", "traffic like these"] = Field(
         "these scenes",
-        description="these scenes: runs repeat, and the scenes stay. traffic like these: scenes repeat, at least 30.",
+        description="these scenes: new runs of the same scenes. traffic like these: new scenes, at least 30.",
     )
-    runs: Population = Field(default_factory=Population, description="Runs, or scenes, of a cell.")
-    cells: int = Field(200, ge=2, le=10_000, description="Most cells, those added near borders included.")
+    runs: Population = Field(default_factory=Population, description="Numbers of runs, or scenes, of a cell.")
+    cells: int = Field(200, ge=2, le=10_000, description="Largest number of cells, with the cells added near borders.")
     resolution: Annotated[float, Field(gt=0, le=0.5)] = Field(
         1 / 32, description="Share of a continuous axis down to which the map is refined near a border."
     )
@@ -158,6 +158,6 @@ envelope:
 
 
 def axis_keys(axis: Axis) -> list[str]:
-    """The keys of the scenario that an axis changes, each once."""
+    """Return the keys of the scenario that an axis changes, each once."""
     named = [key for keys in axis.choices.values() for key in keys] if isinstance(axis.choices, dict) else []
     return list(dict.fromkeys([*([axis.key] if axis.key else []), *axis.keys, *named]))

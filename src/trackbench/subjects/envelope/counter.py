@@ -1,4 +1,4 @@
-"""Shows each counter-example by its median failing run, with its cause."""
+"""The work on counter-examples: the nearest failing cells, each shown by its median failing run, with its cause."""
 
 from __future__ import annotations
 
@@ -27,39 +27,42 @@ from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell
 from trackbench.subjects.envelope.task import changed_scenario
 
 
-class Facing(NamedTuple):
-    """A cell that fails, and the face of the map that it lies towards."""
+class FailingCell(NamedTuple):
+    """Cell that fails, with the face of the map towards which it lies."""
 
     tracker: str
     axis: str
     side: str
     cell: int
-    """Its number in the claim."""
+    """Number of the cell in the claim."""
     distance: float
 
 
 def base_of(claim: Claim, tracker: str) -> BasePoint:
-    """Return the scenario's own point; the nearest cell that holds where the cell nearest to the scenario does not."""
-    axes, own = claim.axes, claim.base_point
-    state = _nearest(axes, own, claim.cells).trackers[tracker].state
+    """Return the point from which distances are counted.
+
+    It is the scenario's own point. Where the cell nearest to it does not hold, it is the nearest cell that holds.
+    """
+    axes, scenario_point = claim.axes, claim.base_point
+    state = _nearest(axes, scenario_point, claim.cells).trackers[tracker].state
     holding = [cell for cell in claim.cells if cell.trackers[tracker].state == "holds"]
     if state == "holds" or not holding:
-        return BasePoint(tracker=tracker, point=list(own), note="")
+        return BasePoint(tracker=tracker, point=list(scenario_point), note="")
     what = "fails" if state == "fails" else "is undecided"
     note = f"the scenario {what}: distances are from the nearest cell that holds"
-    return BasePoint(tracker=tracker, point=list(_nearest(axes, own, holding).at), note=note)
+    return BasePoint(tracker=tracker, point=list(_nearest(axes, scenario_point, holding).at), note=note)
 
 
-def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> list[Facing]:
-    """Towards each face the nearest cell that fails, the nearest first.
+def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> list[FailingCell]:
+    """Return the nearest failing cell towards each face of the map, the nearest first.
 
-    A cell lies towards the face of the axis along which it is furthest from the base. One that is further along this
-    axis than another that fails, and no nearer along any other, shows nothing new: it does not fail for this axis.
+    A cell lies towards the face of the axis along which it is furthest from the base. A cell is left out if another
+    failing cell is nearer along this axis and no further along any other: the other cell shows the failure already.
 
     Args:
-        claim: of the map.
-        base: from where distances are counted, of a tracker.
-        most: how many; twice the number of axes unless given.
+        claim: claim of the map.
+        base: point from which a tracker's distances are counted.
+        most: largest number of cells; None for twice the number of axes.
     """
     failing = [number for number, cell in enumerate(claim.cells) if cell.trackers[base.tracker].state == "fails"]
     away = np.array(
@@ -68,16 +71,16 @@ def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> l
             for number in failing
         ]
     ).reshape(len(failing), len(claim.axes))
-    facings: dict[tuple[str, str], Facing] = {}
-    for number, ways in zip(failing, away, strict=True):
-        place = int(np.argmax(ways))
-        if ways[place] == 0 or np.any((away <= ways).all(axis=1) & (away[:, place] < ways[place])):
+    failing_cells: dict[tuple[str, str], FailingCell] = {}
+    for number, distances in zip(failing, away, strict=True):
+        place = int(np.argmax(distances))
+        if distances[place] == 0 or np.any((away <= distances).all(axis=1) & (away[:, place] < distances[place])):
             continue
         axis, cell = claim.axes[place], claim.cells[number]
         side, length = _side(base.at[place], cell.at[place]), point_distance(claim.axes, base.at, cell.at)
-        if (axis.name, side) not in facings or length < facings[axis.name, side].distance:
-            facings[axis.name, side] = Facing(base.tracker, axis.name, side, number, length)
-    nearest = sorted(facings.values(), key=lambda facing: facing.distance)
+        if (axis.name, side) not in failing_cells or length < failing_cells[axis.name, side].distance:
+            failing_cells[axis.name, side] = FailingCell(base.tracker, axis.name, side, number, length)
+    nearest = sorted(failing_cells.values(), key=lambda failing: failing.distance)
     return nearest[: 2 * len(claim.axes) if most is None else most]
 
 
@@ -91,75 +94,65 @@ def _nearest(axes: tuple[MapAxis, ...], point: Point, cells: list[ClaimCell]) ->
     return min(cells, key=lambda cell: point_distance(axes, point, cell.at))
 
 
-#: What the name of a folder does not have.
+#: Characters that are replaced in the name of a folder.
 UNFIT = re.compile(r"[^A-Za-z0-9_.-]+")
 
 
 class CounterMaker:
-    """Makes the counter-examples of a map.
+    """Work that makes the counter-examples of a finished map, with the map's executor, isolation and engine."""
 
-    Args:
-        made: the map; they are made as its cells were.
-        claim: what is claimed of it.
-    """
-
-    def __init__(self, made: EnvelopeMap, claim: Claim) -> None:
-        self._made, self._claim, self._task = made, claim, made.task
-        self._cells = [*made.cells.values()]
+    def __init__(self, envelope_map: EnvelopeMap, claim: Claim) -> None:
+        self._map, self._claim, self._task = envelope_map, claim, envelope_map.task
+        self._cells = [*envelope_map.cells.values()]
         self.shown: dict[str, ShownExample] = {}
-        """By the name of the folder of each counter-example."""
+        """Scenario and result of each counter-example, by folder name."""
 
     def make(self, most: int | None, listener: Listener) -> CounterExamples:
-        """All of them.
-
-        Args:
-            most: of a tracker; unless given, twice the number of axes.
-            listener: is told of the work.
-        """
+        """Make all counter-examples, at most ``most`` of each tracker; None for twice the number of axes."""
         bases = [base_of(self._claim, tracker) for tracker in self._claim.trackers]
-        facings = [facing for base in bases for facing in nearest_failing(self._claim, base, most)]
+        failing_cells = [failing for base in bases for failing in nearest_failing(self._claim, base, most)]
         findings: dict[str, str] = {}
         examples = []
         with listener.progress(f"counter-examples of {self._claim.scenario}", "examples") as advance:
-            for number, facing in enumerate(facings, 1):
-                advance(number - 1, len(facings))
-                example = self._example(number, facing)
-                if facing.tracker not in findings:
+            for number, failing in enumerate(failing_cells, 1):
+                advance(number - 1, len(failing_cells))
+                example = self._example(number, failing)
+                if failing.tracker not in findings:
                     loaded = self.shown[example.folder].loaded
-                    findings[facing.tracker] = finding_on(loaded, facing.tracker, self._made.executor)
-                examples.append(example.model_copy(update={"finding": findings[facing.tracker]}))
+                    findings[failing.tracker] = finding_on(loaded, failing.tracker, self._map.executor)
+                examples.append(example.model_copy(update={"finding": findings[failing.tracker]}))
         return CounterExamples(bases=bases, examples=examples)
 
-    def _example(self, number: int, facing: Facing) -> CounterExample:
-        cell, claimed = self._cells[facing.cell], self._claim.cells[facing.cell]
-        limit = _failed_limit(self._claim, claimed, facing.tracker)
+    def _example(self, number: int, failing: FailingCell) -> CounterExample:
+        cell, claimed = self._cells[failing.cell], self._claim.cells[failing.cell]
+        limit = _failed_limit(self._claim, claimed, failing.tracker)
         requirement = None if limit is None else self._task.requirements[limit]
-        shown = self._shown(cell, facing.tracker, requirement)
-        folder = UNFIT.sub("-", f"{number}-{facing.tracker}-{facing.axis}-{facing.side}")
-        result = self._run(folder, cell, facing.tracker, requirement, shown)
+        shown = self._median_failing_run(cell, failing.tracker, requirement)
+        folder = UNFIT.sub("-", f"{number}-{failing.tracker}-{failing.axis}-{failing.side}")
+        result = self._run(folder, cell, failing.tracker, requirement, shown)
         metric = "" if requirement is None else requirement.metric
         return CounterExample(
             folder=folder,
-            **facing._asdict(),
+            **failing._asdict(),
             limit=limit,
             shown=shown,
-            event=event_of(result, facing.tracker, metric),
+            event=event_of(result, failing.tracker, metric),
             finding="",
         )
 
-    def _shown(self, cell: MapCell, tracker: str, requirement: ClaimedLimit | None) -> ShownRun:
-        own = cell.trackers[tracker]
-        values = None if requirement is None else _values(cell, requirement)
+    def _median_failing_run(self, cell: MapCell, tracker: str, requirement: ClaimedLimit | None) -> ShownRun:
+        runs = cell.trackers[tracker].runs
+        values = None if requirement is None else _run_values(cell, requirement)
         if requirement is None or values is None:
-            return ShownRun(scene=0, run=0, value=None, beyond=None, runs=len(own.runs.run))
+            return ShownRun(scene=0, run=0, value=None, beyond=None, runs=len(runs.run))
         order = np.argsort(values)
         beyond = [run for run in order if np.isfinite(values[run]) and requirement.excess(values[run]) >= 0]
-        # Where the mean is beyond the limit and no run is, that nearest to it.
+        # The mean may be beyond the limit although no run is; then the run nearest to the limit is shown.
         nearest = order[np.nanargmax([requirement.excess(values[run]) for run in order])]
         middle = beyond[(len(beyond) - 1) // 2] if beyond else nearest
         return ShownRun(
-            scene=int(own.runs.scene[middle]),
-            run=int(own.runs.run[middle]),
+            scene=int(runs.scene[middle]),
+            run=int(runs.run[middle]),
             value=float(values[middle]),
             beyond=len(beyond),
             runs=len(values),
@@ -168,27 +161,28 @@ class CounterMaker:
     def _run(
         self, folder: str, cell: MapCell, tracker: str, requirement: ClaimedLimit | None, shown: ShownRun
     ) -> Result:
-        """The cell's scenario with as many runs as it had, of which that to be shown is recorded."""
+        """Repeat the runs of a cell, and record the run that is shown."""
         extent = cell.trackers[tracker].extent
         changes = [f"recording.scene={shown.scene}", f"recording.run={shown.run}"]
         changes.append(f"monte_carlo.runs={max(1, extent.runs)}")
         if self._task.config.claim == "traffic like these":
             changes.append(f"truth.seeds={max(1, extent.scenes)}")
         loaded = changed_scenario(cell.loaded, changes, [tracker])
-        plan, executor = RunPlan(isolation=self._made.isolation, engine=self._made.engine_choice), self._made.executor
+        plan, executor = RunPlan(isolation=self._map.isolation, engine=self._map.engine_choice), self._map.executor
         (result,) = run_prepared(prepare([loaded], plan, executor, Listener()), plan, executor, Listener())
         self.shown[folder] = ShownExample(loaded, result)
         return result
 
 
 def _failed_limit(claim: Claim, cell: ClaimCell, tracker: str) -> int | None:
-    """The number of the requirement that a tracker does not meet in a cell."""
-    own = [number for number, limit in enumerate(claim.limits) if limit.tracker == tracker]
+    """Return the number of the first requirement that a tracker fails in a cell."""
+    limit_numbers = [number for number, limit in enumerate(claim.limits) if limit.tracker == tracker]
     values = cell.trackers[tracker].values
-    return next((number for number, value in zip(own, values, strict=False) if value.state == "fails"), None)
+    return next((number for number, value in zip(limit_numbers, values, strict=False) if value.state == "fails"), None)
 
 
-def _values(cell: MapCell, item: ClaimedLimit) -> Array | None:
-    """Return the required value of each run ``(runs,)``; None where runs do not tell it."""
-    metric, own = next((each for each in cell.metrics if each.path == item.metric), None), cell.trackers[item.tracker]
-    return None if metric is None or not own.runs.sums else run_values(metric, own.runs.sums, len(own.runs.run))
+def _run_values(cell: MapCell, item: ClaimedLimit) -> Array | None:
+    """Return the value of a requirement's metric in each run ``(runs,)``; None where the metric has no value by run."""
+    metric = next((metric for metric in cell.metrics if metric.path == item.metric), None)
+    runs = cell.trackers[item.tracker].runs
+    return None if metric is None or not runs.sums else run_values(metric, runs.sums, len(runs.run))

@@ -1,4 +1,4 @@
-"""What a claim says of counter-examples."""
+"""Counter-examples as the claim stores them."""
 
 from __future__ import annotations
 
@@ -9,70 +9,70 @@ from trackbench.results.metric_value import ResultModel
 from trackbench.scenario import Scenario
 from trackbench.subjects.envelope.axes import Point
 
-#: The folder of their folders.
+#: Name of the folder of all counter-examples.
 COUNTER_EXAMPLES = "counter_examples"
 
 
 class ShownRun(ResultModel):
-    """The run by which a counter-example is shown: the median of those that miss the limit."""
+    """Run that shows a counter-example: the median of the cell's runs beyond the limit."""
 
     scene: int
     run: int
-    """Of its scene, from 0."""
+    """Number of the run in its scene, from 0."""
     value: float | None
-    """None where runs do not tell the metric."""
+    """Value of the metric in the run; None where the metric has no value by run."""
     beyond: int | None
-    """How many of the runs of the cell are beyond the limit."""
+    """Number of the cell's runs that are beyond the limit."""
     runs: int
 
 
 class CounterExample(ResultModel):
-    """The nearest cell that fails with confidence, towards a face of the map."""
+    """Nearest cell towards a face of the map that fails with confidence."""
 
     folder: str
-    """Of its scenario, report and recording, in ``counter_examples``."""
+    """Name of the folder, in ``counter_examples``, with the scenario, report and recording."""
     tracker: str
     axis: str
-    """Along which it is furthest from the base."""
+    """Axis along which the cell is furthest from the base."""
     side: str
-    """low, high, or the name of a choice."""
+    """Face of the axis: low, high, or the name of a choice."""
     cell: int
-    """Its number in the claim."""
+    """Number of the cell in the claim."""
     distance: float
-    """Distance from the base, in shares of each range."""
+    """Euclidean distance from the base, with each axis scaled to the range 0 to 1."""
     limit: int | None
-    """The number of the requirement that it does not meet; None where the cell says another cause."""
+    """Number of the requirement that the tracker fails; None where the cell fails for another cause."""
     shown: ShownRun
     event: str
-    """What went wrong most in the run that is shown."""
+    """Worst event of the shown run, as text; empty where there is none."""
     finding: str
-    """What an examination of the tracker says; empty where none was made."""
+    """Result of an examination of the tracker, as text; empty where none was made."""
 
 
 class BasePoint(ResultModel):
-    """From where distances are counted for a tracker."""
+    """Point from which a tracker's distances are counted."""
 
     tracker: str
     point: list[float | str]
     note: str
-    """Where it is not the scenario itself."""
+    """Reason why the point is not the scenario's own; empty where it is."""
 
     @property
     def at(self) -> Point:
-        """Its values of the axes."""
+        """Values of the axes as a point."""
         return tuple(self.point)
 
 
 class CounterExamples(ResultModel):
-    """Those of a map."""
+    """All counter-examples of a map."""
 
     bases: list[BasePoint]
     examples: list[CounterExample]
-    """By tracker, the nearest first."""
+    """Counter-examples sorted by tracker, then by distance."""
 
 
 class ShownExample(NamedTuple):
-    """What the folder of a counter-example holds."""
+    """Scenario and result in the folder of a counter-example."""
 
     loaded: Scenario
     result: Result

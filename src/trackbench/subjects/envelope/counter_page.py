@@ -1,4 +1,4 @@
-"""What a page says of counter-examples: why a tracker misses its requirement, in which run, and how to repeat it."""
+"""Counter-examples on a page: why a tracker misses its requirement, in which run, and how to repeat it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ from trackbench.trackers.config import FilterConfig
 
 
 def event_of(result: Result, tracker: str, metric: str = "") -> str:
-    """What went wrong most in the recorded run; empty where nothing did, or nothing is known of it."""
+    """Return the worst event of the recorded run as text; empty where there is none.
+
+    It is the first wrong decision of an assistance function, the first track event or the largest position error.
+    """
     if label := _function(result, metric):
         decided = next(iter(function_events(result, label, tracker, result.summary.recorded_run)), None)
         if decided is None:
@@ -37,14 +40,14 @@ def event_of(result: Result, tracker: str, metric: str = "") -> str:
 
 
 def _function(result: Result, metric: str) -> str:
-    """The function that a metric is of; empty where it is of none."""
+    """Return the assistance function that a metric belongs to; empty for any other metric."""
     label = metric.partition(".")[2]
     paths = (path for item in result.summary.trackers for path in item.metrics)
     return label if label in function_labels(paths) else ""
 
 
 def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
-    """What the subjects that examine trackers say of a built-in one; empty of any other."""
+    """Return what examiners such as the doctor find in a built-in tracker; empty for any other tracker."""
     if not isinstance(loaded.config.trackers[tracker], FilterConfig):
         return ""
     sentences = []
@@ -55,11 +58,9 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
 
 
 def counter_section(claim: Claim, run: Result | None = None) -> Iterator[Section]:
-    """Yield the nearest counter-examples of a map, with their causes; nothing where none were looked for.
+    """Yield the section on a map's counter-examples; nothing where none were sought.
 
-    Args:
-        claim: of the map.
-        run: of the nearest one, which is shown from above.
+    ``run`` is the result of the nearest counter-example, which is drawn from above.
     """
     counter = claim.counter_examples
     if counter is None:
@@ -67,13 +68,13 @@ def counter_section(claim: Claim, run: Result | None = None) -> Iterator[Section
     notes = [Item(f"{base.tracker}: {base.note}") for base in counter.bases if base.note]
     blocks: list[Block] = [Items(tuple(notes))] if notes else []
     if counter.examples:
-        about = (
+        intro = (
             "Towards each face of the map, the nearest cell that fails with confidence. Each folder in "
             f"{COUNTER_EXAMPLES}/ has the scenario, the report and the recording of its median failing run."
         )
         causes = Items(tuple(_cause(example) for example in counter.examples))
         nearest = min(counter.examples, key=lambda example: example.distance)
-        blocks += [_examples(claim, counter), Paragraph(about), causes, Paragraph("Next, in the folder of this page:")]
+        blocks += [_examples(claim, counter), Paragraph(intro), causes, Paragraph("Next, in the folder of this page:")]
         blocks.append(Code(f"trackbench view {COUNTER_EXAMPLES}/{nearest.folder}", "sh"))
         blocks += _from_above(run) if run else []
     elif not any(claim.counts(name)["fails"] for name in claim.trackers):
@@ -84,7 +85,7 @@ def counter_section(claim: Claim, run: Result | None = None) -> Iterator[Section
 
 
 def _from_above(run: Result) -> Iterator[Block]:
-    """Yield the recorded run of the nearest counter-example from above."""
+    """Yield the figure of the nearest counter-example's recorded run, seen from above."""
     styles = tracker_styles(run.places)
     moments = worst_moments(run) if run.summary.identities == "known" else {}
     figure = picture(run, [styles[tracker.name] for tracker in run.drawn], moments)
@@ -93,36 +94,36 @@ def _from_above(run: Result) -> Iterator[Block]:
 
 
 def at_point(claim: Claim, cell: int) -> str:
-    """The values of a cell, as they are read."""
+    """Return the coordinates of a cell as text."""
     return place_of_cell(claim.axes, claim.cells[cell].at)
 
 
 def _examples(claim: Claim, counter: CounterExamples) -> Table:
-    every = counter.examples
-    links = [f"{COUNTER_EXAMPLES}/{item.folder}/report.html" for item in every]
+    examples = counter.examples
+    links = [f"{COUNTER_EXAMPLES}/{item.folder}/report.html" for item in examples]
     columns = [
-        (Column("tracker", left=True), [Cell(item.tracker, tracker=item.tracker) for item in every]),
+        (Column("tracker", left=True), [Cell(item.tracker, tracker=item.tracker) for item in examples]),
         (
             Column("towards", left=True),
-            [Cell(f"{item.axis} {item.side}", link=link) for item, link in zip(every, links, strict=True)],
+            [Cell(f"{item.axis} {item.side}", link=link) for item, link in zip(examples, links, strict=True)],
         ),
-        (Column("fails at", left=True), [Cell(at_point(claim, item.cell)) for item in every]),
-        (Column("distance", "in shares of each range"), [Cell(f"{item.distance:.2f}") for item in every]),
-        (Column("value", left=True), [Cell(_value(claim, item)) for item in every]),
+        (Column("fails at", left=True), [Cell(at_point(claim, item.cell)) for item in examples]),
+        (Column("distance", "in shares of each range"), [Cell(f"{item.distance:.2f}") for item in examples]),
+        (Column("value", left=True), [Cell(_value_text(claim, item)) for item in examples]),
     ]
     return Table.of_columns("counter-examples", columns)
 
 
-def _value(claim: Claim, item: CounterExample) -> str:
-    own = claim.cells[item.cell].trackers[item.tracker]
+def _value_text(claim: Claim, item: CounterExample) -> str:
+    tracker_state = claim.cells[item.cell].trackers[item.tracker]
     if item.limit is None:
-        return own.cause
+        return tracker_state.cause
     limit = claim.limits[item.limit]
-    value = own.values[claim.limits_of(item.tracker).index(limit)]
+    value = tracker_state.values[claim.limits_of(item.tracker).index(limit)]
     return f"{limit.metric} {value.text}{limit.after_number}"
 
 
-def _shown(item: CounterExample) -> str:
+def _shown_run_text(item: CounterExample) -> str:
     shown = item.shown
     place = f"shown by run {shown.run} of scene {shown.scene}"
     if shown.value is None or shown.beyond is None:
@@ -131,5 +132,5 @@ def _shown(item: CounterExample) -> str:
 
 
 def _cause(item: CounterExample) -> Item:
-    parts = [part for part in (_shown(item), item.event, item.finding) if part]
+    parts = [part for part in (_shown_run_text(item), item.event, item.finding) if part]
     return Item(f"{item.axis} {item.side}: {'; '.join(parts)}", item.tracker)

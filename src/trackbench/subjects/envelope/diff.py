@@ -1,4 +1,4 @@
-"""Two maps of the same axes: the cells in which a tracker does not hold any more (``trackbench envelope diff``)."""
+"""Difference of two maps with the same axes: the cells that a tracker lost (``trackbench envelope diff``)."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ from trackbench.subjects.envelope.claim import (
 )
 from trackbench.subjects.envelope.margins import holding, margins, place_of_line
 
-#: ``lost``: from holds to fails, and shown to be worse. ``open``: one of the two maps does not decide it.
+#: ``lost``: from holds to fails, and shown to be worse. ``not shown``: from holds to fails, within the error.
+#: ``gained``: from fails to holds. ``open``: undecided in one of the two maps.
 Outcome = Literal["same", "lost", "not shown", "gained", "open"]
 
 
 class CellChange(NamedTuple):
-    """A tracker in a cell of both maps."""
+    """Change of a tracker's state in a cell of both maps."""
 
     point: Point
     place: str
@@ -37,23 +38,23 @@ class CellChange(NamedTuple):
     after: State
     outcome: Outcome
     paired: bool
-    """Whether both have the same measurements, so that runs are held against each other one by one."""
+    """Whether both maps have the same measurements there, so that runs are compared one by one."""
     text: str
-    """The values, or why there is none."""
+    """Values before and after as text, or the reason why there is none."""
 
 
 @dataclass(frozen=True)
 class EnvelopeDiff:
-    """What differs between two maps."""
+    """Differences between two maps."""
 
     before: Claim
     after: Claim
     changes: tuple[CellChange, ...]
-    """Of each tracker in each cell of both."""
+    """One entry for each tracker in each cell of both maps, also where the state is the same."""
     left_out: tuple[str, ...]
-    """Cells and trackers of one map alone."""
+    """Sentences on cells and trackers that are in one map alone."""
     margins: tuple[str, ...]
-    """Those that moved."""
+    """Sentences on the margins that moved."""
 
     @property
     def passed(self) -> bool:
@@ -61,11 +62,11 @@ class EnvelopeDiff:
         return not self.of("lost")
 
     def of(self, *outcomes: Outcome) -> list[CellChange]:
-        """The changes of some kinds."""
+        """Return the changes with one of some outcomes."""
         return [item for item in self.changes if item.outcome in outcomes]
 
     def json(self) -> dict[str, Any]:
-        """As ``trackbench envelope diff --json`` prints it."""
+        """Return the differences as ``trackbench envelope diff --json`` prints them."""
         return {
             "passed": self.passed,
             "compared": len(self.changes),
@@ -78,22 +79,22 @@ class EnvelopeDiff:
         }
 
     def lines(self) -> Iterator[str]:
-        """As it is printed."""
+        """Yield the lines that ``trackbench envelope diff`` prints."""
         paired = sum(item.paired for item in self.changes)
         yield f"{counted(len(self.changes), 'state')} compared, {paired} of them on the same measurements"
         for item in self.of("lost", "not shown"):
             yield f"{'LOST' if item.outcome == 'lost' else 'NOT SHOWN'}  {item.tracker} at {item.place}: {item.text}"
         for tracker in dict.fromkeys(item.tracker for item in self.changes):
-            own = [item for item in self.changes if item.tracker == tracker]
-            gained, opened = (sum(item.outcome == kind for item in own) for kind in ("gained", "open"))
-            holds = [sum(getattr(item, when) == "holds" for item in own) for when in ("before", "after")]
+            items = [item for item in self.changes if item.tracker == tracker]
+            gained, opened = (sum(item.outcome == kind for item in items) for kind in ("gained", "open"))
+            holds = [sum(getattr(item, when) == "holds" for item in items) for when in ("before", "after")]
             more = f"{gained} from fails to holds, {opened} decided in one map alone"
             yield f"{tracker}: holds in {holds[0]} cells before, {holds[1]} after; {more}"
         yield from self.margins
         yield from self.left_out
 
     def suite(self) -> Suite:
-        """A test case for each tracker in each cell."""
+        """Return a test case for each tracker in each cell."""
         name = f"{self.after.scenario} against {self.before.scenario}"
         words = {"lost": "failed", "not shown": "undecided", "open": "undecided"}
         cases = [
@@ -109,10 +110,10 @@ class EnvelopeDiff:
 
 
 def diff(before: Envelope, after: Envelope) -> EnvelopeDiff:
-    """Hold two maps against each other, cell by cell.
+    """Compare two maps cell by cell.
 
     Raises:
-        InputError: they have no axes, requirements or cells in common.
+        InputError: the maps differ in their axes or requirements, or have no cell in common.
     """
     a, b = before.claim, after.claim
     _require_alike(a, b)
@@ -122,8 +123,8 @@ def diff(before: Envelope, after: Envelope) -> EnvelopeDiff:
     if not common:
         raise InputError("the maps have no cell in common", key="diff")
     level = (1 - max(a.confidence, b.confidence)) / (len(common) * len(trackers))
-    changes = [_change(before, after, places, tracker, level) for tracker in trackers for places in common]
-    return EnvelopeDiff(a, b, tuple(changes), tuple(_left_out(a, b)), tuple(_moved(a, b, trackers)))
+    changes = [_change(before, after, cells, tracker, level) for tracker in trackers for cells in common]
+    return EnvelopeDiff(a, b, tuple(changes), tuple(_unmatched(a, b)), tuple(_moved_margins(a, b, trackers)))
 
 
 def _require_alike(a: Claim, b: Claim) -> None:
@@ -140,9 +141,9 @@ def _require_alike(a: Claim, b: Claim) -> None:
             raise InputError(f"the requirement is another: {limits[0]}, and {limits[1]}", key="diff")
 
 
-def _change(before: Envelope, after: Envelope, places: tuple[int, int], name: str, level: float) -> CellChange:
-    """Of one tracker in one cell, whose numbers in the two maps are ``places``."""
-    old_cell, cell = before.claim.cells[places[0]], after.claim.cells[places[1]]
+def _change(before: Envelope, after: Envelope, cells: tuple[int, int], name: str, level: float) -> CellChange:
+    """Compare one tracker in one cell, whose numbers in the two maps are ``cells``."""
+    old_cell, cell = before.claim.cells[cells[0]], after.claim.cells[cells[1]]
     states = old, new = old_cell.trackers[name], cell.trackers[name]
     was, now = old.state, new.state
     kinds = [(claim.seed, claim.claim) for claim in (before.claim, after.claim)]
@@ -151,29 +152,29 @@ def _change(before: Envelope, after: Envelope, places: tuple[int, int], name: st
     if (was, now) == ("fails", "holds"):
         outcome = "gained"
     limits = after.claim.limits_of(name)
-    text = "; ".join(_values(limits, states)) or new.cause
+    text = "; ".join(_value_texts(limits, states)) or new.cause
     if (was, now) == ("holds", "fails"):
-        worse = (_is_worse(before, after, places, limit, level / len(limits), paired) for limit in limits)
+        worse = (_is_worse(before, after, cells, limit, level / len(limits), paired) for limit in limits)
         outcome = "lost" if any(worse) or _is_missing(old, new) else "not shown"
         text = new.cause or text
     return CellChange(cell.at, place_of_cell(after.claim.axes, cell.at), name, was, now, outcome, paired, text)
 
 
-def _values(limits: Sequence[ClaimedLimit], states: Sequence[TrackerState]) -> Iterator[str]:
+def _value_texts(limits: Sequence[ClaimedLimit], states: Sequence[TrackerState]) -> Iterator[str]:
     for limit, old, new in zip(limits, *(state.values for state in states), strict=False):
         if old.value is not None and new.value is not None:
             yield f"{limit.metric} {old.value:.4g} -> {new.value:.4g}{limit.after_number}"
 
 
 def _same_runs(before: ClaimCell, after: ClaimCell, name: str) -> bool:
-    """Whether a tracker had the same measurements in as many runs."""
-    mine, its = before.trackers[name], after.trackers[name]
-    alike = (mine.scenes, mine.runs, mine.looks) == (its.scenes, its.runs, its.looks)
-    return alike and before.measurements[: mine.looks] == after.measurements[: its.looks]
+    """Return whether a tracker had the same measurements in both maps, in equally many runs."""
+    first, second = before.trackers[name], after.trackers[name]
+    same_number = (first.scenes, first.runs, first.looks) == (second.scenes, second.runs, second.looks)
+    return same_number and before.measurements[: first.looks] == after.measurements[: second.looks]
 
 
 def _is_missing(before: TrackerState, after: TrackerState) -> bool:
-    """Whether a tracker cannot go on any more, or is shown to give a smaller share of the estimates than before."""
+    """Return whether a tracker breaks down, or is shown to give a smaller share of estimates than before."""
     if after.failed:
         return True
     old, new = before.coverage, after.coverage
@@ -183,42 +184,41 @@ def _is_missing(before: TrackerState, after: TrackerState) -> bool:
 
 
 def _is_worse(
-    before: Envelope, after: Envelope, places: tuple[int, int], limit: ClaimedLimit, level: float, paired: bool
+    before: Envelope, after: Envelope, cells: tuple[int, int], limit: ClaimedLimit, level: float, paired: bool
 ) -> bool:
-    """Whether a requirement that is not met any more is shown to be met worse than before."""
-    old, new = _value_with_parts(before, places[0], limit), _value_with_parts(after, places[1], limit)
+    """Return whether a requirement went from holds to fails, and its value is shown to be worse than before."""
+    old, new = _value_with_parts(before, cells[0], limit), _value_with_parts(after, cells[1], limit)
     if old is None or new is None:
         return False
     change = interval_difference(new[1], old[1], same_runs=paired)
     return (old[0], new[0]) == ("holds", "fails") and decide(change, 0.0, limit.direction, level).state == "fails"
 
 
-def _value_with_parts(made: Envelope, cell: int, limit: ClaimedLimit) -> tuple[State, Interval] | None:
-    """The state of a requirement, and its value with what each of its runs, or scenes, adds."""
-    claim = made.claim
+def _value_with_parts(envelope: Envelope, cell: int, limit: ClaimedLimit) -> tuple[State, Interval] | None:
+    """Return the state of a requirement, and its value with what each run or scene adds; None without a value."""
+    claim = envelope.claim
     values = claim.cells[cell].trackers[limit.tracker].values
-    own = values[claim.limits_of(limit.tracker).index(limit)] if values else None
-    parts = made.values(cell, claim.limits.index(limit))
-    if own is None or own.value is None or not len(parts):
+    value = values[claim.limits_of(limit.tracker).index(limit)] if values else None
+    parts = envelope.values(cell, claim.limits.index(limit))
+    if value is None or value.value is None or not len(parts):
         return None
-    return own.state, Interval(own.value, parts - own.value, scenes=claim.claim == "traffic like these")
+    return value.state, Interval(value.value, parts - value.value, scenes=claim.claim == "traffic like these")
 
 
-def _left_out(a: Claim, b: Claim) -> Iterator[str]:
-    for word, mine, other in (("before", a, b), ("after", b, a)):
-        cells = len({cell.at for cell in mine.cells} - {cell.at for cell in other.cells})
+def _unmatched(a: Claim, b: Claim) -> Iterator[str]:
+    for word, first, other in (("before", a, b), ("after", b, a)):
+        cells = len({cell.at for cell in first.cells} - {cell.at for cell in other.cells})
         if cells:
             yield f"only {word}: {counted(cells, 'cell')}"
-        missing = [name for name in mine.trackers if name not in other.trackers]
+        missing = [name for name in first.trackers if name not in other.trackers]
         if missing:
             yield f"only {word}: {', '.join(missing)}"
 
 
-def _moved(a: Claim, b: Claim, trackers: Sequence[str]) -> Iterator[str]:
-    """A line for each margin that is another one."""
+def _moved_margins(a: Claim, b: Claim, trackers: Sequence[str]) -> Iterator[str]:
     for name in trackers:
         old = {(item.axis.name, place_of_line(item)): item for item in margins(a, name)}
         for item in margins(b, name):
-            was = old.get((item.axis.name, place_of_line(item)))
-            if was is not None and holding(was) != holding(item):
-                yield f"{name} along {item.axis.name}: {holding(was)} before, {holding(item)} after"
+            previous = old.get((item.axis.name, place_of_line(item)))
+            if previous is not None and holding(previous) != holding(item):
+                yield f"{name} along {item.axis.name}: {holding(previous)} before, {holding(item)} after"

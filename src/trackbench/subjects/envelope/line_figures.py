@@ -1,4 +1,4 @@
-"""The required value over one axis, with its bounds, the limit and, of numbers, the band of the border."""
+"""Figures of a metric over one axis: values with bounds, the limit, and the band of the border."""
 
 from __future__ import annotations
 
@@ -25,26 +25,25 @@ from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
 from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label
 from trackbench.subjects.envelope.margins import AxisMargin, margins, place_of_line
 
-#: Of one panel, points.
+#: Height of one panel, in points.
 _HEIGHT = 200.0
-#: Beyond each end of the axis, a share of it.
+#: Room beyond each end of the axis, as a share of the axis.
 _ROOM = 0.03
-#: A state is seen without its colour: filled, hollow or a cross.
+#: Marker and size of each state: filled, hollow or a cross, so that no state depends on colour.
 _MARKERS = {"holds": ("o", 4.5), "undecided": ("o", 4.5), "fails": ("x", 5.5)}
 
 
 def line_figures(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[Figure]:
-    """Yield a figure for each axis of numbers and each metric of which something is required."""
-    own = [margin for style in styles for margin in margins(claim, style.name)]
+    """Yield a figure for each axis of numbers and each metric that has a requirement."""
+    all_margins = [margin for style in styles for margin in margins(claim, style.name)]
     for axis in claim.axes:
-        lines = [margin for margin in own if margin.axis.name == axis.name]
+        lines = [margin for margin in all_margins if margin.axis.name == axis.name]
         if lines:
-            for metric in dict.fromkeys(_quantity(limit) for limit in claim.limits):
+            for metric in dict.fromkeys(_metric_with_unit(limit) for limit in claim.limits):
                 yield _figure(claim, axis, metric, lines, styles)
 
 
-def _quantity(limit: ClaimedLimit) -> str:
-    """What is on the axis of the value."""
+def _metric_with_unit(limit: ClaimedLimit) -> str:
     return limit.metric if limit.unit == "1" else f"{limit.metric}, {limit.unit}"
 
 
@@ -90,10 +89,10 @@ def _figure(
 
 
 def _paint_line(panel: Axes, margin: AxisMargin, claim: Claim, metric: str, style: TrackerStyle) -> list[Array]:
-    """One tracker; returns what the axis of the value has to show."""
+    """Paint the line of one tracker; return all values that the vertical axis must cover."""
     drawn = []
     for place, limit in enumerate(claim.limits_of(style.name)):
-        if _quantity(limit) != metric:
+        if _metric_with_unit(limit) != metric:
             continue
         rows = [(x, cell.trackers[style.name].values) for x, cell in margin.cells]
         cells = [(x, values[place]) for x, values in rows if values and values[place].value is not None]
@@ -107,10 +106,10 @@ def _paint_line(panel: Axes, margin: AxisMargin, claim: Claim, metric: str, styl
         panel.plot(x, y, color=style.colour, linestyle=style.line, linewidth=1.2, gid=style.key)
         panel.vlines(x, low, high, color=style.colour, linewidth=1.2, gid=style.key)
         for state, (marker, size) in _MARKERS.items():
-            own = np.array([cell.state == state for _, cell in cells])
+            has_state = np.array([cell.state == state for _, cell in cells])
             face = "white" if state == "undecided" else style.colour
             panel.plot(
-                x[own], y[own], linestyle="none", marker=marker, markersize=size, color=style.colour,
+                x[has_state], y[has_state], linestyle="none", marker=marker, markersize=size, color=style.colour,
                 markerfacecolor=face, gid=style.key,
             )  # fmt: skip
         panel.axhline(limit.limit, color=INK, linestyle=DASHED, linewidth=1.0)

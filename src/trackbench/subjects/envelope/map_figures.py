@@ -1,4 +1,4 @@
-"""Maps over two axes: the state of each cell, the border with its band, and the borders of several trackers."""
+"""Figures over two axes: the state of each cell, the border with its band, and the borders of several trackers."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, State
 from trackbench.subjects.envelope.margins import Border, Slice, border_of, distance_from_base, slices
 
-#: Distinct to a colour-blind reader, and by the markers of the cells.
+#: Colours that a colour-blind reader can tell apart; the markers of the cells show the states as well.
 STATE_COLOURS: dict[State, str] = {"holds": "#009E73", "fails": "#D55E00", "undecided": MUTED}
 #: Marker of a cell, its size in points and its fill.
 _MARKS = {"holds": ("o", 3.0, INK), "fails": ("x", 4.0, INK), "undecided": ("o", 3.5, "none")}
-#: Marks the values that the scenario has of both axes.
+#: Mark at the scenario's own values of both axes.
 OWN = LegendEntry("the scenario's values", INK, "triangle")
-#: Panels of one figure, at most, and beside each other.
+#: Largest number of panels of a figure, and of panels beside each other.
 MOST_PANELS, _BESIDE = 9, 2
-#: Of a single panel, and of one of several; points.
+#: Height of a single panel, and of one of several, in points.
 _TALL, _LOW = 310.0, 190.0
 
 
 def pairs_of(claim: Claim) -> list[tuple[int, int]]:
-    """The numbers of each two axes that are numbers."""
+    """Return the pairs of axes of numbers, as places in ``claim.axes``."""
     return [*combinations([i for i, axis in enumerate(claim.axes) if axis.ordered], 2)]
 
 
 def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figure:
-    """The cells of one tracker over two axes, with its border."""
-    parts, left_out = _shown(claim, pair)
+    """Return the figure of one tracker's cells over two axes, with its border."""
+    parts, left_out = _nearest_slices(claim, pair)
 
     def paint(canvas: Canvas) -> None:
         for panel, part in zip(_panels(canvas, parts), parts, strict=False):
@@ -55,7 +55,7 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
                 _paint_area(panel, border, state, colour)
             _paint_line(panel, border, INK)
             _paint_cells(panel, part, style.name)
-            _finish(panel, part, claim)
+            _paint_scenario_and_axes(panel, part, claim)
 
     legend = [
         LegendEntry("between cells that hold", STATE_COLOURS["holds"], "band"),
@@ -85,8 +85,8 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
 
 
 def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[TrackerStyle]) -> Figure:
-    """The borders of several trackers over two axes."""
-    parts, left_out = _shown(claim, pair)
+    """Return the figure of several trackers' borders over two axes."""
+    parts, left_out = _nearest_slices(claim, pair)
 
     def paint(canvas: Canvas) -> None:
         for panel, part in zip(_panels(canvas, parts), parts, strict=False):
@@ -95,11 +95,11 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
                 border = border_of(part, claim, style.name)
                 _paint_area(panel, border, "undecided", style.colour, style.key)
                 _paint_line(panel, border, style.colour, style)
-                if not (border and border.is_line) and (said := _all_alike(part.states(style.name))):
-                    unseen.append(f"{shortened_to_width(style.name, WIDTH / _BESIDE - 140, 8)}: {said}")
-            # Bottom left, and in ink: it is read on every band.
+                if not (border and border.is_line) and (remark := _no_border_remark(part.states(style.name))):
+                    unseen.append(f"{shortened_to_width(style.name, WIDTH / _BESIDE - 140, 8)}: {remark}")
+            # Ink is legible on every band.
             panel.text(0.04, 0.06, "\n".join(unseen), transform=panel.transAxes, fontsize=8, color=INK, zorder=5)
-            _finish(panel, part, claim)
+            _paint_scenario_and_axes(panel, part, claim)
 
     lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
     return Figure(
@@ -115,30 +115,30 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
     )
 
 
-def _all_alike(states: Sequence[State]) -> str:
-    """What is said of cells between which there is no border; empty where they lie on one line and differ."""
+def _no_border_remark(states: Sequence[State]) -> str:
+    """Return a remark on a slice without a border; empty where cells hold and fail but lie on one line."""
     words = {"holds": "all hold", "fails": "none holds", "undecided": "not decided"}
-    if len(found := set(states)) == 1:
+    if len(distinct := set(states)) == 1:
         return words[states[0]]
-    return "" if {"holds", "fails"} <= found else "not all decided"
+    return "" if {"holds", "fails"} <= distinct else "not all decided"
 
 
-def _shown(claim: Claim, pair: tuple[int, int]) -> tuple[list[Slice], str]:
-    """Return the slices that are nearest to the scenario itself, and a sentence on what is not shown."""
-    every = slices(claim, *pair)
-    kept = sorted(every, key=lambda part: distance_from_base(claim, part.at))[:MOST_PANELS]
-    text = f" Of {len(every)} slices those nearest to the scenario are shown." if len(kept) < len(every) else ""
-    return [part for part in every if any(part is other for other in kept)], text
+def _nearest_slices(claim: Claim, pair: tuple[int, int]) -> tuple[list[Slice], str]:
+    """Return the slices nearest to the scenario, and a sentence on the slices that are not shown."""
+    parts = slices(claim, *pair)
+    nearest = sorted(parts, key=lambda part: distance_from_base(claim, part.at))[:MOST_PANELS]
+    text = f" Of {len(parts)} slices those nearest to the scenario are shown." if len(nearest) < len(parts) else ""
+    return [part for part in parts if any(part is other for other in nearest)], text
 
 
 def _own_place(claim: Claim, part: Slice) -> list[Any]:
-    """Return the scenario's own values of the two axes; none where the map does not reach to them."""
-    axes, own = (part.across, part.up), [claim.own_values[axis.name] for axis in (part.across, part.up)]
-    return own if all(map(MapAxis.reaches, axes, own)) else []
+    """Return the scenario's own values of the two axes; empty where they lie outside the map."""
+    axes, values = (part.across, part.up), [claim.own_values[axis.name] for axis in (part.across, part.up)]
+    return values if all(map(MapAxis.reaches, axes, values)) else []
 
 
 def _paint_area(panel: Axes, border: Border | None, state: State, colour: str, key: str | None = None) -> None:
-    """Paint the triangles of a state as one path: fine lines would be left between several."""
+    """Paint the triangles of a state as one path, since separate patches leave fine lines between them."""
     if border is not None:
         corners = border.mesh.triangles[np.array(border.areas) == state]
         polygons = np.stack([border.mesh.x[corners], border.mesh.y[corners]], axis=-1)
@@ -156,7 +156,6 @@ def _paint_line(panel: Axes, border: Border | None, colour: str, style: TrackerS
 
 
 def _paint_cells(panel: Axes, part: Slice, tracker: str) -> None:
-    """Each by its state, those that were added smaller."""
     added, states = np.array([cell.added for cell in part.cells]), np.array(part.states(tracker))
     for state, (marker, size, face) in _MARKS.items():
         for later, smaller in ((False, 1.0), (True, 0.7)):
@@ -167,10 +166,9 @@ def _paint_cells(panel: Axes, part: Slice, tracker: str) -> None:
             )  # fmt: skip
 
 
-def _finish(panel: Axes, part: Slice, claim: Claim) -> None:
-    """Paint the mark of the scenario, and the axes."""
-    if own := _own_place(claim, part):
-        panel.plot(*own, marker=MARKERS[OWN.mark][0], markersize=9, color=INK, clip_on=False, zorder=4)
+def _paint_scenario_and_axes(panel: Axes, part: Slice, claim: Claim) -> None:
+    if values := _own_place(claim, part):
+        panel.plot(*values, marker=MARKERS[OWN.mark][0], markersize=9, color=INK, clip_on=False, zorder=4)
     panel.set_xlim(*part.across.ends)
     panel.set_ylim(*part.up.ends)
     if part.across.config.scale == "log":
@@ -196,7 +194,7 @@ def _panels(canvas: Canvas, parts: Sequence[Slice]) -> list[Axes]:
 
 
 def axis_label(axis: MapAxis) -> str:
-    """With its unit."""
+    """Return the name of an axis with its unit."""
     return f"{axis.name}, {axis.unit}" if axis.unit else axis.name
 
 

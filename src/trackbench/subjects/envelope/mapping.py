@@ -1,4 +1,7 @@
-"""Makes the map: runs in each cell until it is decided or its budget is spent, then new cells near the border."""
+"""The work on a map: runs in each cell until it is decided or its budget is spent, then new cells near the border.
+
+A look adds runs to a cell and then decides whether each tracker holds, fails or stays undecided there.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.envelope.axes import MapAxis, Point, Value, between, start_points
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value, halfway_point, start_points
 from trackbench.subjects.envelope.cells import (
     CellDecision,
     Extent,
@@ -37,31 +40,31 @@ from trackbench.subjects.envelope.claim import AbsentCells, ClaimedLimit, State
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
 from trackbench.truth import LoadedTruth
 
-#: By tracker, the state of a cell.
+#: State of a cell for each tracker, by tracker name.
 States = Mapping[str, str]
 
 
-def refined(axes: Sequence[MapAxis], states: Mapping[Point, States], most: int, resolution: float) -> list[Point]:
-    """New points half way between neighbours that differ in a state, those furthest apart first.
+def refine(axes: Sequence[MapAxis], states: Mapping[Point, States], max_points: int, resolution: float) -> list[Point]:
+    """Return new points half way between neighbours that differ in a state, those furthest apart first.
 
     Args:
-        axes: of the map.
-        states: of each point, by tracker.
-        most: how many more cells there may be.
-        resolution: share of an axis at which nothing is put between two points any more.
+        axes: axes of the map.
+        states: states of each point, by tracker name.
+        max_points: largest number of points to return.
+        resolution: distance of two neighbours, as a share of the axis, at which no point is put between them any more.
     """
     gaps: dict[Point, float] = {}
-    for a, b, gap in _along_axes(axes, states):
+    for a, b, gap in _neighbours(axes, states):
         # Some tracker's border may lie between the two, but where both are undecided.
         if states[a] != states[b]:
-            point = between(axes, a, b, resolution)
+            point = halfway_point(axes, a, b, resolution)
             if point is not None and point not in states:
                 gaps[point] = max(gaps.get(point, 0.0), gap)
-    return sorted(gaps, key=lambda point: -gaps[point])[: max(0, most)]
+    return sorted(gaps, key=lambda point: -gaps[point])[: max(0, max_points)]
 
 
-def _along_axes(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point, float]]:
-    """Yield neighbours that differ in one continuous axis alone, and how far they are apart, a share of the axis."""
+def _neighbours(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point, float]]:
+    """Yield neighbours that differ in one continuous axis alone, and their distance as a share of that axis."""
     for number, axis in enumerate(axes):
         if not axis.continuous:
             continue
@@ -76,77 +79,71 @@ def _along_axes(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iter
 
 log = logging.getLogger(__name__)
 
-#: So many cells are asked for at once: enough for the processes of a machine, and few enough for its memory.
+#: Number of cells worked on at once: enough for the processes of a machine, and few enough for its memory.
 AHEAD = 16
-#: Truths of so many different scenarios are kept.
-KEPT_TRUTHS = 4
-NOTHING = Extent(0, 0)
+#: Largest number of scenarios whose truth stays in memory.
+CACHED_TRUTHS = 4
+NO_RUNS = Extent(0, 0)
 
 
 @dataclass
 class TrackerCell:
-    """What is known of one tracker in a cell."""
+    """Runs of one tracker in a cell, and the decisions on them."""
 
     runs: Runs = field(default_factory=Runs)
-    extent: Extent = NOTHING
+    extent: Extent = NO_RUNS
     looks: int = 0
-    judged: tuple[CellDecision | None, ...] = ()
-    """By requirement, in the order of the scenario; None where there is no value."""
+    decisions: tuple[CellDecision | None, ...] = ()
+    """Decision on each requirement, in the order of the scenario; None where the metric has no value."""
     coverage: CellDecision | None = None
-    """Of the share of the estimates, held against the least of the scenario; None where it is not needed."""
+    """Decision on the share of estimates that were given; None where the scenario requires no share."""
     state: State = "undecided"
     cause: str = ""
-    """Why it fails, or cannot be decided, where that is not a limit."""
+    """Reason other than a limit why the tracker fails or is undecided; empty where there is none."""
     failed: bool = False
-    """Whether it could not go on."""
+    """Whether the tracker broke down, so that it has no further runs."""
 
 
 @dataclass
 class MapCell:
-    """A point of the map, and what its trackers reached there."""
+    """Point of the map with the runs and states of its trackers."""
 
     point: Point
     loaded: Scenario
     trackers: dict[str, TrackerCell]
-    """Those of which something is required."""
+    """Trackers that have a requirement, by name."""
     added: bool = False
-    """Whether it was put near a border, and was not where the map started."""
+    """Whether the cell was added near a border, beside the grid from which the map starts."""
     measurements: list[bytes] = field(default_factory=list)
-    """Of each look, the hash of the measurements of its runs."""
+    """Hash of the measurements of each look's runs."""
     metrics: tuple[Metric, ...] = ()
-    """That its runs are scored by."""
+    """Metrics by which the cell's runs are scored."""
 
     @property
     def states(self) -> dict[str, State]:
-        """By tracker."""
         return {name: tracker.state for name, tracker in self.trackers.items()}
 
     @property
     def undecided(self) -> list[str]:
-        """The trackers that are."""
+        """Names of the trackers whose state is undecided."""
         return [name for name, tracker in self.trackers.items() if tracker.state == "undecided"]
 
 
 class _Look(NamedTuple):
-    """A look at a cell that is under way."""
+    """Look at a cell whose runs are not made yet."""
 
     cell: MapCell
     names: list[str]
     work: Work
     pieces: list[BlockRuns]
-    kept: LookResult | None
-    """The runs that an interrupted command left."""
+    stored: LookResult | None
+    """Runs that an interrupted command stored; None where there are none."""
 
 
 class EnvelopeMap:
-    """The cells of a map, as they are made.
+    """Cells of a map, and the work that makes and decides them.
 
-    Args:
-        task: what is mapped.
-        executor: what makes the runs.
-        isolation: how plug-ins are kept apart.
-        engine: what computes.
-        store: keeps what was made, so that an interrupted command goes on.
+    The ``store`` keeps finished looks, so that an interrupted command goes on where it was.
     """
 
     def __init__(
@@ -160,9 +157,9 @@ class EnvelopeMap:
         self.task = task
         self.cells: dict[Point, MapCell] = {}
         self.absent: list[AbsentCells] = []
-        """Points that are no cells, since each would be a copy of another."""
+        """Points without a cell, since it would be a copy of another cell."""
         self.engine = ""
-        """That computed the cells."""
+        """Name of the engine that computed the cells; empty before the first look."""
         self.executor, self.isolation, self.engine_choice = executor, isolation, engine
         self._store = store or Store(None, "")
         numbers = tuple(extent.parts for extent in task.extents)
@@ -170,18 +167,18 @@ class EnvelopeMap:
         self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
 
     def make(self, progress: NotedProgress = no_progress) -> None:
-        """Make all cells.
+        """Make and decide all cells.
 
         Args:
-            progress: called with the number of cells that are done and of those that there are.
+            progress: called with the number of decided cells, the number of all cells and a note.
 
         Raises:
-            InputError: a cell is no valid scenario.
+            InputError: the scenario is invalid at a cell.
             TrackbenchError: the processes that make the runs died.
         """
         config, trackers = self.task.config, self.task.trackers
         points, added = start_points(self.task.axes, config, self.task.base), False
-        if not (points := self._present(points)):
+        if not (points := self._without_copies(points)):
             message = f"no cell of the map differs from another: {self.absent[0].reason}"
             raise self.task.loaded.locate(InputError(message, key="envelope.axes"))
         while points:
@@ -191,40 +188,40 @@ class EnvelopeMap:
             }
             self.cells |= cells
             for look, extent in enumerate(self.task.extents):
-                self._look([*cells.values()], look, extent, progress)
+                self._make_look([*cells.values()], look, extent, progress)
             states = {point: cell.states for point, cell in self.cells.items()}
-            left = config.cells - len(self.cells)
-            points = self._present(refined(self.task.axes, states, left, config.resolution))
+            remaining = config.cells - len(self.cells)
+            points = self._without_copies(refine(self.task.axes, states, remaining, config.resolution))
             added = True
-        log.info("%d looks were there already", self._store.taken)
+        log.info("%d looks were there already", self._store.loaded_looks)
 
-    def _present(self, points: Sequence[Point]) -> list[Point]:
-        """The points that are cells; notes which are none."""
+    def _without_copies(self, points: Sequence[Point]) -> list[Point]:
+        """Return the points whose cells are no copies of others; note the absent points."""
         absent = {point: self.task.absent_at(point) for point in points}
         for item in absent.values():
             if item is not None and item not in self.absent:
                 self.absent.append(item)
         return [point for point in points if absent[point] is None]
 
-    def _look(self, cells: Sequence[MapCell], look: int, extent: Extent, progress: NotedProgress) -> None:
-        """Look at the undecided ones among some cells."""
+    def _make_look(self, cells: Sequence[MapCell], look: int, extent: Extent, progress: NotedProgress) -> None:
+        """Extend the runs of the cells that are undecided, and decide them anew."""
         waiting = [cell for cell in cells if cell.undecided]
         for first in range(0, len(waiting), AHEAD):
-            begun = [self._begun(cell, look, extent) for cell in waiting[first : first + AHEAD]]
-            # Scenes that are done are not sent again.
+            begun = [self._begin_look(cell, look, extent) for cell in waiting[first : first + AHEAD]]
+            # Only scenes that need new runs are sent to another process.
             calls = [
                 (item.work.of_scenes({piece.scene for piece in item.pieces}), item.names, item.pieces)
                 for item in begun
-                if item.kept is None
+                if item.stored is None
             ]
-            made = self.executor.map(make_runs, calls, own_folder(self.task.loaded))
+            results = self.executor.map(make_runs, calls, own_folder(self.task.loaded))
             for item in begun:
-                self._end(item, next(made) if item.kept is None else item.kept, look, extent, progress)
+                self._finish_look(item, next(results) if item.stored is None else item.stored, look, extent, progress)
 
-    def _begun(self, cell: MapCell, look: int, extent: Extent) -> _Look:
+    def _begin_look(self, cell: MapCell, look: int, extent: Extent) -> _Look:
         names = cell.undecided
-        # All of them were at every look before.
-        done = self.task.extents[look - 1] if look else NOTHING
+        # An undecided tracker took part in every earlier look.
+        done = self.task.extents[look - 1] if look else NO_RUNS
         work = self.work(cell.loaded, extent)
         cell.metrics = work.metrics
         # A world may have another number of scenes.
@@ -234,28 +231,23 @@ class EnvelopeMap:
         return _Look(cell, names, work, pieces, self._store.load(cell.point, look))
 
     def work(self, loaded: Scenario, extent: Extent) -> Work:
-        """What the runs of a scenario need.
-
-        Args:
-            loaded: of a cell.
-            extent: the scenes that there are, where traffic repeats.
-        """
+        """Return settings and truth for a cell's runs; ``extent`` has the number of scenes of traffic like these."""
         if self.task.config.claim == "traffic like these":
             truth = loaded.config.truth.model_copy(update={"seeds": extent.scenes})
             loaded = replace(loaded, config=loaded.config.model_copy(update={"truth": truth}))
         key = truth_key(loaded)
         if key not in self._truths:
             self._truths[key] = truths_of(loaded, executor=self.executor)
-            while len(self._truths) > KEPT_TRUTHS:
+            while len(self._truths) > CACHED_TRUTHS:
                 self._truths.popitem(last=False)
         work = work_of_cell(loaded, self._truths[key], self.task.requirements, self.isolation, self.engine_choice)
         self.engine = work.engine
         return work
 
-    def _end(self, begun: _Look, result: LookResult, look: int, extent: Extent, progress: NotedProgress) -> None:
-        """Take in the runs of a look, and decide."""
+    def _finish_look(self, begun: _Look, result: LookResult, look: int, size: Extent, progress: NotedProgress) -> None:
+        """Add the runs of a look to its cell, and decide the cell."""
         cell = begun.cell
-        if begun.kept is None:
+        if begun.stored is None:
             self._store.save(cell.point, look, result)
         cell.measurements.append(result.measurements)
         for name in begun.names:
@@ -264,7 +256,7 @@ class EnvelopeMap:
                 tracker.state, tracker.cause, tracker.failed = "fails", str(result.failures[name]), True
                 continue
             tracker.runs = tracker.runs.with_blocks(result.sums[name], begun.pieces, begun.work.metrics)
-            tracker.extent, tracker.looks = extent, look + 1
+            tracker.extent, tracker.looks = size, look + 1
         for name in cell.undecided:
             self._decide(cell, name, begun.work.metrics, begun.work.min_coverage)
         decided = sum(not item.undecided for item in self.cells.values())
@@ -272,39 +264,38 @@ class EnvelopeMap:
 
     def _decide(self, cell: MapCell, name: str, metrics: Sequence[Metric], min_coverage: float) -> None:
         tracker = cell.trackers[name]
-        requirements = self.task.of(name)
-        own = tracker.runs.evaluated(metrics, self.task.config.claim)
+        requirements = self.task.requirements_on(name)
+        evaluation = tracker.runs.evaluated(metrics, self.task.config.claim)
         coverage = coverage_of(tracker.runs, self.task.config.claim) if min_coverage else None
-        # It is one more requirement, by which the cell may fail.
+        # Coverage is one more requirement, by which the cell may fail.
         number = len(requirements) + (coverage is not None)
-        tracker.judged = tuple(self._judged(item, own, tracker.looks, number) for item in requirements)
+        tracker.decisions = tuple(self._decision(item, evaluation, tracker.looks, number) for item in requirements)
         reasons = [
-            decision.reason if decision else _reason(own, item.metric)
-            for item, decision in zip(requirements, tracker.judged, strict=True)
+            decision.reason if decision else _missing_value_reason(evaluation, item.metric)
+            for item, decision in zip(requirements, tracker.decisions, strict=True)
         ]
         tracker.cause = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
-        tracker.state = joint_state(item.state if item else "undecided" for item in tracker.judged)
+        tracker.state = joint_state(item.state if item else "undecided" for item in tracker.decisions)
         if coverage is not None:
             level = self._spending.at(tracker.looks - 1)
             tracker.coverage = decide(coverage, min_coverage, "above", level, number)
-            worse = joint_state([tracker.state, tracker.coverage.state])
-            if coverage.value < min_coverage and worse != tracker.state:
-                tracker.state, tracker.cause = worse, _missing(tracker.coverage, min_coverage)
+            joint = joint_state([tracker.state, tracker.coverage.state])
+            if coverage.value < min_coverage and joint != tracker.state:
+                tracker.state, tracker.cause = joint, _missing_estimates_text(tracker.coverage, min_coverage)
 
-    def _judged(self, item: ClaimedLimit, own: Evaluation, looks: int, requirements: int) -> CellDecision | None:
-        interval = own.intervals.get(item.metric)
+    def _decision(self, item: ClaimedLimit, evaluation: Evaluation, looks: int, number: int) -> CellDecision | None:
+        interval = evaluation.intervals.get(item.metric)
         if interval is None:
             return None
-        return decide(interval, item.limit, item.direction, self._spending.at(looks - 1), requirements)
+        return decide(interval, item.limit, item.direction, self._spending.at(looks - 1), number)
 
 
-def _reason(evaluation: Evaluation, path: str) -> str:
-    """Why there is no value of a path; that of a statistic without any stands at its name."""
+def _missing_value_reason(evaluation: Evaluation, path: str) -> str:
+    # A metric with several statistics has one reason, at the metric's name.
     value = evaluation.values.get(path) or evaluation.values.get(path.rpartition(".")[0])
     return (value and value.reason) or ""
 
 
-def _missing(coverage: CellDecision, least: float) -> str:
-    """What a coverage below the least says of a cell."""
+def _missing_estimates_text(coverage: CellDecision, limit: float) -> str:
     missing = f"{100 * (1 - coverage.interval.value):.2g} % of the estimates are missing"
-    return missing if coverage.state == "fails" else f"{missing}, not shown to be more than {100 * (1 - least):.2g} %"
+    return missing if coverage.state == "fails" else f"{missing}, not shown to be more than {100 * (1 - limit):.2g} %"

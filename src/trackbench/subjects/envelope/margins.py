@@ -1,4 +1,4 @@
-"""The border of a map: along lines through the scenario itself, and over two axes with the band in which it may lie."""
+"""The border of a map: where it crosses lines through the scenario, and its course and band over two axes."""
 
 from __future__ import annotations
 
@@ -18,47 +18,50 @@ from trackbench.subjects.envelope.claim import Claim, ClaimCell, ClaimedLimit, S
 if TYPE_CHECKING:
     from matplotlib.tri import Triangulation
 
-#: Of a value that is decided, but at its limit.
+#: Smallest excess of a decided value, which gives it the sign of its decision.
 _NEXT_TO = 1e-12
 
 
 class Crossing(NamedTuple):
-    """Where a line crosses the border: between two cells that are decided, and differ."""
+    """Crossing of a line and the border, between two decided cells that differ."""
 
     low: float
-    """The decided cell below the border; those between it and ``high`` are undecided."""
+    """Axis value of the decided cell below the border; cells between ``low`` and ``high`` are undecided."""
     high: float
     point: float
-    """Where the interpolated value meets the limit."""
+    """Axis value at which the interpolated metric meets the limit."""
     holds_below: bool
     """Whether the requirement is met below the border."""
 
 
 @dataclass(frozen=True)
 class AxisMargin:
-    """What the cells of one line say of one tracker."""
+    """States of a tracker along one line of cells, and where the line crosses the border."""
 
     tracker: str
     axis: MapAxis
     at: tuple[tuple[MapAxis, Value], ...]
-    """The other axes with their values on the line."""
+    """The other axes, with their fixed values on the line."""
     cells: tuple[tuple[float, ClaimCell], ...]
-    """Those of the line by their value of the axis."""
+    """Value of the axis and cell, in order along the line."""
     crossings: tuple[Crossing, ...]
 
     @property
     def states(self) -> dict[float, State]:
-        """By value of the axis."""
+        """State of each cell, by value of the axis."""
         return {value: cell.trackers[self.tracker].state for value, cell in self.cells}
 
     @property
     def decided(self) -> dict[float, State]:
-        """By value of the axis, those that are."""
+        """States of the decided cells, by value of the axis."""
         return {value: state for value, state in self.states.items() if state != "undecided"}
 
 
 def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
-    """For each axis of numbers, the line through the scenario itself, or the nearest to it; one a category."""
+    """Return the margins of a tracker: for each axis of numbers, along the line nearest to the scenario.
+
+    Axes of choices give one line for each combination of choices.
+    """
     every = []
     for number, axis in enumerate(claim.axes):
         if axis.ordered:
@@ -67,14 +70,7 @@ def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
 
 
 def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> AxisMargin:
-    """What a line says of a tracker.
-
-    Args:
-        claim: of the map.
-        tracker: its name.
-        number: of the axis along which the line goes.
-        line: cells that differ in this axis alone.
-    """
+    """Return the states and crossings of a tracker along a line: cells that differ in axis ``number`` alone."""
     axes = claim.axes
     axis, first = axes[number], line[0].point
     at = tuple((other, first[i]) for i, other in enumerate(axes) if i != number)
@@ -84,10 +80,10 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
 
 
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
-    """The cells in the order of an axis, along the line that is nearest to the scenario's own values of the others.
+    """Return the cells along an axis, in order, on the line nearest to the scenario's own values of the other axes.
 
-    There is one for each combination of the categories. A line has cells at as many of the levels at which the axis
-    started as any other: the few cells that were put near a border are no line of their own.
+    There is one line for each combination of choices. Lines with the most starting levels of the axis go first, since
+    the few cells added near a border make no useful line.
     """
     axes = claim.axes
     lines: dict[Point, list[ClaimCell]] = {}
@@ -98,19 +94,19 @@ def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
 
     chosen = []
     for category in product(*(axis.values for axis in others if not axis.ordered)):
-        alike = [at for at in lines if tuple(v for v in at if isinstance(v, str)) == category]
-        if alike:
-            started = {at: len(levels & {cell.point[number] for cell in lines[at]}) for at in alike}
-            away = {at: distance_from_base(claim, [*zip(others, at, strict=True)]) for at in alike}
-            nearest = min(alike, key=lambda at: (-started[at], away[at], -len(lines[at])))
+        candidates = [at for at in lines if tuple(v for v in at if isinstance(v, str)) == category]
+        if candidates:
+            started = {at: len(levels & {cell.point[number] for cell in lines[at]}) for at in candidates}
+            distance = {at: distance_from_base(claim, [*zip(others, at, strict=True)]) for at in candidates}
+            nearest = min(candidates, key=lambda at: (-started[at], distance[at], -len(lines[at])))
             chosen.append(sorted(lines[nearest], key=lambda cell: axes[number].share(cell.point[number])))
     return chosen
 
 
 def distance_from_base(claim: Claim, at: Sequence[tuple[MapAxis, Value]]) -> float:
-    """Return how far the values of some axes are from the scenario's own, in shares of each range."""
-    own = dict(zip([axis.name for axis in claim.axes], claim.base_point, strict=True))
-    return math.hypot(*(axis.distance(value, own[axis.name]) for axis, value in at))
+    """Return the distance of some axes' values from the scenario's own, with each axis scaled to the range 0 to 1."""
+    items = dict(zip([axis.name for axis in claim.axes], claim.base_point, strict=True))
+    return math.hypot(*(axis.distance(value, items[axis.name]) for axis, value in at))
 
 
 def _crossings(
@@ -129,51 +125,50 @@ def _crossings(
 
 
 def _first_beyond(shares: Array, beyond: Array, holds_below: bool) -> float:
-    """The share of the axis at which the requirement is first not met, coming from the end at which it is.
+    """Return the share of the axis at which the requirement ceases to be met, from the end at which it is met.
 
     Args:
-        shares: ``(points,)`` of an axis, in order.
-        beyond: ``(points, limits)`` of :func:`excess`.
-        holds_below: whether it is met at the first of the points; at the last one otherwise.
+        shares: positions of the points along the axis, ``(points,)``, ascending.
+        beyond: result of :func:`excess`, ``(points, limits)``.
+        holds_below: whether it is met at the first point; otherwise it is met at the last.
     """
     if not holds_below:
         return 1.0 - _first_beyond(1.0 - shares[::-1], beyond[::-1], True)
-    meets = []
+    borders = []
     for values in beyond.T:
-        there = np.isfinite(values)
-        x, y = shares[there], values[there]
+        is_finite = np.isfinite(values)
+        x, y = shares[is_finite], values[is_finite]
         if (y > 0).any():
             i = int(np.argmax(y > 0))
-            meets.append(float(x[i - 1] + (x[i] - x[i - 1]) * y[i - 1] / (y[i - 1] - y[i])))
-    # There is none where it fails for another cause than a limit.
-    return min(meets, default=float(shares[0] + shares[-1]) / 2)
+            borders.append(float(x[i - 1] + (x[i] - x[i - 1]) * y[i - 1] / (y[i - 1] - y[i])))
+    # A failure for another cause than a limit has no interpolated border.
+    return min(borders, default=float(shares[0] + shares[-1]) / 2)
 
 
 def excess(cells: Sequence[ClaimCell], tracker: str, limits: Sequence[ClaimedLimit]) -> Array:
-    """``(cells, limits)`` how far each value is beyond its limit: above 0 where it is not met, NaN where there is none.
+    """Return by how much each value violates its limit, ``(cells, limits)``; negative where met, NaN without a value.
 
-    Differences of logarithms where all values and the limit are positive. Where a value is decided, its sign is that
-    of the decision.
+    Differences are of logarithms if all values and the limit are positive. A decided value has its decision's sign.
     """
     columns = []
     for place, limit in enumerate(limits):
-        own = [values[place] if values else None for values in (cell.trackers[tracker].values for cell in cells)]
-        value = np.array([math.nan if item is None or item.value is None else item.value for item in own])
+        items = [values[place] if values else None for values in (cell.trackers[tracker].values for cell in cells)]
+        value = np.array([math.nan if item is None or item.value is None else item.value for item in items])
         positive = limit.limit > 0 and bool((value[np.isfinite(value)] > 0).all())
         beyond = np.log(value / limit.limit) if positive else value - limit.limit
-        states = np.array(["" if item is None else item.state for item in own])
+        states = np.array(["" if item is None else item.state for item in items])
         beyond = beyond if limit.direction == "below" else -beyond
         beyond = np.where(states == "holds", np.minimum(beyond, -_NEXT_TO), beyond)
         columns.append(np.where(states == "fails", np.maximum(beyond, _NEXT_TO), beyond))
     return np.stack(columns, axis=-1)
 
 
-#: A band is written as ± where its halves differ by no more than this share of it.
+#: Largest difference of a band's halves, as a share of the band, at which it is written with ±.
 SYMMETRIC = 0.2
 
 
 def holding(margin: AxisMargin) -> str:
-    """For which values of the axis the requirement is met, with the band of each border."""
+    """Return the values of the axis at which the requirement is met, as text with the band of each border."""
     axis = margin.axis
     if not margin.decided:
         return "at no value surely"
@@ -190,7 +185,6 @@ def holding(margin: AxisMargin) -> str:
 
 
 def _spans(margin: AxisMargin) -> Iterator[str]:
-    """In which it is met, between the borders on both sides of each."""
     axis, crossings = margin.axis, margin.crossings
     for start, stop in zip([None, *crossings], [*crossings, None], strict=True):
         if start is None and stop is not None and stop.holds_below:
@@ -200,9 +194,9 @@ def _spans(margin: AxisMargin) -> Iterator[str]:
 
 
 def border(axis: MapAxis, crossing: Crossing) -> str:
-    """Such as "2.1 ± 0.1 deg", or "2.1 deg (2.0 to 2.4)" where the border is not half way between the cells."""
+    """Return a border as text: "2.1 ± 0.1 deg", or "2.1 deg (2.0 to 2.4)" if it is not half way between the cells."""
     low, high, point = crossing.low, crossing.high, crossing.point
-    # One digit of the band, two where the first would be a 1.
+    # The band has one digit, or two where the first would be a 1.
     step = 10.0 ** math.floor(math.log10((high - low) / 2) - 0.3)
     if abs((high - point) - (point - low)) <= SYMMETRIC * (high - low):
         centre = _rounded(point, step)
@@ -212,7 +206,7 @@ def border(axis: MapAxis, crossing: Crossing) -> str:
 
 
 def undecided(margin: AxisMargin) -> str:
-    """Where no cell outside the bands is decided; empty where there is none."""
+    """Return as text where cells outside the bands are undecided; empty where there are none."""
     spans = []
     outside = {
         value: state == "undecided" and not any(item.low < value < item.high for item in margin.crossings)
@@ -227,7 +221,7 @@ def undecided(margin: AxisMargin) -> str:
 
 
 def place_of_line(margin: AxisMargin) -> str:
-    """The values of the other axes; empty where there is none."""
+    """Return the values of the other axes as text; empty where there is no other axis."""
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in margin.at)
 
 
@@ -241,25 +235,24 @@ def _rounded(value: float, step: float) -> str:
 
 @dataclass(frozen=True)
 class Slice:
-    """The cells over two axes at the same values of the others."""
+    """Cells over two axes, at fixed values of the other axes."""
 
     across: MapAxis
     up: MapAxis
     at: tuple[tuple[MapAxis, Value], ...]
-    """The others."""
+    """The other axes, with their fixed values."""
     cells: tuple[ClaimCell, ...]
     places: Array
-    """``(cells, 2)`` where each lies on the two axes, from 0 to 1."""
+    """Position of each cell on the two axes, ``(cells, 2)``, 0 to 1."""
 
     def states(self, tracker: str) -> list[State]:
-        """Of the cells."""
         return [cell.trackers[tracker].state for cell in self.cells]
 
 
 def slices(claim: Claim, across: int, up: int) -> list[Slice]:
-    """The map over two of its axes, one for each combination of the values that the others had at the start.
+    """Return the slices of a map over two axes, one for each combination of the other axes' starting values.
 
-    Cells that were put between such values to refine the map are in none of them.
+    Cells that were added between such values to refine the map are in no slice.
     """
     axes = claim.axes
     others = [i for i in range(len(axes)) if i not in (across, up)]
@@ -267,12 +260,12 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
     for cell in claim.cells:
         if all(cell.point[i] in axes[i].values for i in others):
             grouped.setdefault(tuple(cell.point[i] for i in others), []).append(cell)
-    ways = [axes[i] for i in others]
+    other_axes = [axes[i] for i in others]
     parts = [
         Slice(
             axes[across],
             axes[up],
-            tuple(zip(ways, at, strict=True)),
+            tuple(zip(other_axes, at, strict=True)),
             tuple(cells),
             np.array([[axes[i].share(cell.point[i]) for i in (across, up)] for cell in cells]),
         )
@@ -282,29 +275,29 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
 
 
 class Border(NamedTuple):
-    """Where one tracker stops to meet its requirement, on a slice: where the interpolated excess is 0."""
+    """Border of a tracker's requirement on a slice: the line on which the interpolated excess is 0."""
 
     mesh: Triangulation
-    """Triangles of neighbouring cells that have a value, or a state that is decided; from 0 to 1 on each axis."""
+    """Triangles between neighbouring cells that have a value or a decision; coordinates are 0 to 1 on each axis."""
     beyond: Array
-    """``(cells,)`` how far the worst value is beyond its limit; its sign is that of the decision."""
+    """Largest excess of each cell over the limits, ``(cells,)``, with the sign of the cell's decision."""
     areas: tuple[State, ...]
-    """``(triangles,)`` the state of all three cells; undecided where they are not alike."""
+    """State of each triangle ``(triangles,)``: the state of its three cells, or undecided where they differ."""
 
     @property
     def is_line(self) -> bool:
-        """Whether there is a line: an undecided cell whose value equals the limit makes none."""
+        """Whether the excess clearly changes its sign; an undecided cell whose value equals the limit makes no line."""
         return bool(self.beyond.min() < -_NEXT_TO / 2 and self.beyond.max() > _NEXT_TO / 2)
 
 
 def border_of(part: Slice, claim: Claim, tracker: str) -> Border | None:
-    """Return the border of a tracker on a slice; None where all its cells lie on a line."""
+    """Return the border of a tracker on a slice; None where the cells span no area."""
     from matplotlib.tri import TriAnalyzer, Triangulation
 
     beyond = excess(part.cells, tracker, claim.limits_of(tracker))
     worst = np.where(np.isfinite(beyond).any(axis=1), np.nanmax(np.nan_to_num(beyond, nan=-np.inf), axis=1), np.nan)
     states = np.array(part.states(tracker))
-    # Where it fails for another cause than a limit, the border is about half way.
+    # A failure for another cause than a limit gets a typical excess: the border is then about half way.
     finite = np.abs(worst[np.isfinite(worst)])
     worst[(states == "fails") & ~(worst > 0)] = float(np.median(finite)) if finite.size else 1.0
     is_known = np.isfinite(worst)

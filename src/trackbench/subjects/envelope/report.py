@@ -1,4 +1,4 @@
-"""The page of an envelope, and what the terminal shows of it."""
+"""The page of an envelope, and its summary for the terminal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TONES: dict[State, Tone] = {"holds": "good", "fails": "bad", "undecided": "warn"
 
 
 def margins_tables(claim: Claim) -> Iterator[Table]:
-    """Yield the table of where the requirement holds along the line nearest to the scenario; none without a line."""
+    """Yield the table of margins along the lines nearest to the scenario; nothing without an axis of numbers."""
     by_tracker = {tracker: margins(claim, tracker) for tracker in claim.trackers}
     lines = by_tracker[claim.trackers[0]]
     if not lines:
@@ -43,44 +43,44 @@ def margins_tables(claim: Claim) -> Iterator[Table]:
     for tracker, held in by_tracker.items():
         cells = [Cell(holding(margin), details=tuple(filter(None, [undecided(margin)]))) for margin in held]
         columns.append((Column(f"{tracker} holds", left=True), cells))
-    own = ", ".join(
+    scenario_values = ", ".join(
         f"{axis.name} {'not stated' if base is None else axis.shown(base)}"
         for axis, base in zip(claim.axes, claim.base, strict=True)
     )
-    caption = f"Along the lines of cells that are nearest to the scenario itself ({own})"
+    caption = f"Along the lines of cells that are nearest to the scenario itself ({scenario_values})"
     yield Table.of_columns("margins", columns, caption)
 
 
 def cells_table(claim: Claim) -> Table:
-    """Return the table of the cells with their states and values."""
+    """Return the table of all cells with their states and values."""
     columns = [
         (Column(axis.name, left=True), [Cell(axis.shown(cell.point[number])) for cell in claim.cells])
         for number, axis in enumerate(claim.axes)
     ]
     columns += [
-        (Column(name, left=True), [_state(claim, cell, name) for cell in claim.cells]) for name in claim.trackers
+        (Column(name, left=True), [_state_cell(claim, cell, name) for cell in claim.cells]) for name in claim.trackers
     ]
     return Table.of_columns("cells", columns)
 
 
-def _state(claim: Claim, cell: ClaimCell, tracker: str) -> Cell:
-    """The state with what it rests on."""
-    own = cell.trackers[tracker]
+def _state_cell(claim: Claim, cell: ClaimCell, tracker: str) -> Cell:
+    tracker_state = cell.trackers[tracker]
     details = [
         f"{limit.metric} {value.text}"
-        for limit, value in zip(claim.limits_of(tracker), own.values, strict=False)
+        for limit, value in zip(claim.limits_of(tracker), tracker_state.values, strict=False)
         if value.value is not None
     ]
-    details += [own.cause] if own.cause else []
-    return Cell(own.state, details=(*details, f"{own.scenes} x {own.runs} runs"), tone=TONES[own.state])
+    details += [tracker_state.cause] if tracker_state.cause else []
+    details.append(f"{tracker_state.scenes} x {tracker_state.runs} runs")
+    return Cell(tracker_state.state, details=tuple(details), tone=TONES[tracker_state.state])
 
 
-#: Figures of further pairs of axes; a page with more is too long to be read.
+#: Largest number of pairs of axes that have figures, since a page with more is too long to read.
 _MOST_PAIRS = 6
 
 
 def headlines(claim: Claim) -> Iterator[str]:
-    """For each tracker, in how many cells it meets its requirement, and which share is undecided."""
+    """Yield for each tracker how many cells hold and fail, and which share is undecided."""
     for tracker in claim.trackers:
         counts, total = claim.counts(tracker), len(claim.cells)
         share = f"{100 * counts['undecided'] / total:.0f} % undecided"
@@ -93,31 +93,31 @@ def headlines(claim: Claim) -> Iterator[str]:
 
 
 def claim_sentence(claim: Claim) -> str:
-    """What is claimed, of which population, how surely, and what it rests on."""
+    """Return the claim in words: its confidence, its population, and its numbers of scenes and runs."""
     scenes, runs = claim.extents[-1]
     trackers = "" if len(claim.trackers) == 1 else " for any tracker"
-    many = f"{counted(scenes, 'scene')}, up to {counted(runs, 'run')} of each"
+    numbers = f"{counted(scenes, 'scene')}, up to {counted(runs, 'run')} of each"
     if claim.claim == "traffic like these":
-        many = f"up to {counted(scenes, 'scene')}, {counted(runs, 'run')} of each"
+        numbers = f"up to {counted(scenes, 'scene')}, {counted(runs, 'run')} of each"
     absent = ""
     for item in claim.absent:
         at = ", ".join(f"{axis.name} {axis.shown(item.at[axis.name])}" for axis in claim.axes if axis.name in item.at)
         absent += f" There is no cell with {at} ({item.reason}): it would be a copy of another."
     return (
         f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
-        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{absent}"
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({numbers}).{absent}"
     )
 
 
-def envelope_document(made: Envelope) -> Document:
-    """Return the whole page."""
+def envelope_document(envelope: Envelope) -> Document:
+    """Return the page of an envelope."""
     from trackbench.subjects.envelope.line_figures import line_figures
 
-    claim = made.claim
+    claim = envelope.claim
     styles = tuple(tracker_styles(claim.places or claim.trackers).values())
     maps, lines = [*_maps(claim, styles)], tuple(line_figures(claim, styles))
     margins: list[Block] = [*margins_tables(claim), *([Row(lines)] if lines else [])]
-    counter = counter_section(claim, made.nearest_run)
+    counter = counter_section(claim, envelope.nearest_run)
     blocks: list[Block] = [*_headline(claim), *(Row(row) for row in maps[:1]), *counter]
     blocks += [Section("Margins", tuple(margins))] if margins else []
     blocks += [Section("Further pairs of axes", tuple(map(Row, maps[1:])))] if maps[1:] else []
@@ -125,31 +125,31 @@ def envelope_document(made: Envelope) -> Document:
     return Document("envelope", f"Operating envelope of {claim.scenario}", tuple(blocks), trackers=styles)
 
 
-def envelope_summary(made: Envelope) -> Document:
-    """Return what the terminal shows."""
-    claim = made.claim
+def envelope_summary(envelope: Envelope) -> Document:
+    """Return the summary of an envelope for the terminal."""
+    claim = envelope.claim
     maps = [block for tracker in claim.trackers for block in map_blocks(claim, tracker)]
     blocks = (*_headline(claim), *maps, *margins_tables(claim), *counter_section(claim))
     return Document("envelope", f"Operating envelope of {claim.scenario}", blocks)
 
 
 def document_of_claim(file: Path) -> Document:
-    """The page of an envelope, from its ``claim.json``.
+    """Return the page of an envelope, read from its ``claim.json``.
 
     Raises:
-        InputError: it is damaged, or the values of its runs are not beside it.
+        InputError: the file is damaged, or the values of its runs are not beside it.
     """
     return envelope_document(read_envelope(file))
 
 
 def _headline(claim: Claim) -> Iterator[Block]:
-    heads = (text.split(": ", 1) for text in headlines(claim))
-    yield Items(tuple(Item(text, label, tracker=label) for label, text in heads))
+    texts = (text.split(": ", 1) for text in headlines(claim))
+    yield Items(tuple(Item(text, label, tracker=label) for label, text in texts))
     yield Paragraph(claim_sentence(claim))
 
 
 def _maps(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[tuple[Figure, ...]]:
-    """The figures of each pair of axes: all borders where there are several trackers, and the cells of each."""
+    """Yield the figures of each pair of axes: the borders of several trackers, and the cells of each tracker."""
     from trackbench.subjects.envelope.map_figures import borders_figure, map_figure, pairs_of
 
     for pair in pairs_of(claim)[:_MOST_PAIRS]:

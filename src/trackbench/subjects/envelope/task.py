@@ -1,4 +1,4 @@
-"""What is mapped, how surely, and where the scenario itself lies: from the ``envelope:`` block of a scenario."""
+"""The task of an envelope: axes, requirements, looks and the scenario's own point, from the ``envelope:`` block."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from trackbench.truth.config.traffic import TracksConfig
 
 
 def changed_scenario(loaded: Scenario, changes: Sequence[str], trackers: Sequence[str]) -> Scenario:
-    """The scenario with ``key.path=value`` set over it, and some of its trackers alone."""
+    """Return the scenario with ``key.path=value`` changes, and with only some of its trackers."""
     return select_trackers(scenario_of(loaded.text, loaded.path, [*loaded.overrides, *changes]), trackers)
 
 
 def base_point(loaded: Scenario, axes: Sequence[MapAxis]) -> list[Value | None]:
-    """By axis the scenario's own value; None where it has none, or keys that are linked contradict each other.
+    """Return the scenario's own value of each axis; None where it has none, or where linked keys contradict each other.
 
-    Of the worlds it is the first one where the scenario states none.
+    On an axis of worlds it is the first world where the scenario names none.
     """
     return [_own_value(loaded, axis) for axis in axes]
 
@@ -45,7 +45,7 @@ def _own_value(loaded: Scenario, axis: MapAxis) -> Value | None:
             return None
         numbers.append(link.value(number))
     alike = bool(numbers) and max(numbers) - min(numbers) <= 1e-9 * max(map(abs, numbers))
-    # Without the rounding of what the keys are linked by.
+    # Rounded, since the keys are linked by rounded factors.
     return float(f"{numbers[0]:.12g}") if alike else None
 
 
@@ -54,7 +54,7 @@ def _is_set(loaded: Scenario, changes: Mapping[str, Any]) -> bool:
 
 
 def value_at(loaded: Scenario, key: str) -> Any:
-    """What stands at a dotted key: what was written, else the default; None where there is neither."""
+    """Return the value at a dotted key: as written, else its default; None where there is neither."""
     parts = key.split(".")
     written = _walk(loaded.document.value, parts)
     return _walk(loaded.config, parts) if written is None else written
@@ -75,41 +75,40 @@ def _walk(node: Any, parts: Sequence[str]) -> Any:
     return node
 
 
-def _is_of_world(key: str) -> bool:
-    """Whether a world may set a key; ``truth.seeds`` remains the number of scenes in each."""
+def _may_be_set_by_world(key: str) -> bool:
+    # ``truth.seeds`` is the number of scenes in every world.
     return key.partition(".")[0] in ("truth", "sensors") and key != "truth.seeds"
 
 
 class EnvelopeTask(NamedTuple):
-    """What is mapped, and how surely."""
+    """Task of an envelope: the scenario with its axes, requirements and looks."""
 
     loaded: Scenario
-    """Scenario with the trackers alone of which something is required."""
+    """Scenario with only the trackers that have a requirement."""
     config: EnvelopeConfig
     axes: tuple[MapAxis, ...]
     requirements: tuple[ClaimedLimit, ...]
     extents: tuple[Extent, ...]
-    """Of the looks."""
+    """Numbers of scenes and runs of a cell at each look."""
 
     @property
     def base(self) -> list[Value | None]:
-        """By axis the scenario's own value; None where it has none."""
+        """The scenario's own value of each axis; None where it has none."""
         return base_point(self.loaded, self.axes)
 
     @property
     def trackers(self) -> list[str]:
-        """Those of which something is required."""
+        """Names of the trackers that have a requirement."""
         return list(dict.fromkeys(item.tracker for item in self.requirements))
 
-    def of(self, tracker: str) -> list[ClaimedLimit]:
-        """The requirements on a tracker."""
+    def requirements_on(self, tracker: str) -> list[ClaimedLimit]:
         return [item for item in self.requirements if item.tracker == tracker]
 
     def scenario_at(self, point: Point) -> Scenario:
-        """The scenario of a cell, with so many runs as the last look has.
+        """Return the scenario of a cell, with the number of runs of the last look.
 
         Raises:
-            InputError: it is not valid there; with the values of the axes.
+            InputError: the scenario is invalid at the point; the message has the values of the axes.
         """
         last = self.extents[-1]
         changes = [*overrides(self.axes, point), f"monte_carlo.runs={last.runs}"]
@@ -122,10 +121,12 @@ class EnvelopeTask(NamedTuple):
             raise self.loaded.locate(InputError(message, key="envelope.axes")) from error
 
     def absent_at(self, point: Point) -> AbsentCells | None:
-        """Return which cells are copies, where that of a point is one: the world sets what an axis varies.
+        """Return the group of absent cells that a point belongs to; None where the point is a cell of its own.
+
+        A cell is absent where the world sets the key that an axis varies, so that it would be a copy of another cell.
 
         Raises:
-            InputError: the scenario is not valid there; with the values of the axes.
+            InputError: the scenario is invalid at the point; the message has the values of the axes.
         """
         loaded = self.scenario_at(point)
         if loaded.config.world != "recorded":
@@ -134,17 +135,17 @@ class EnvelopeTask(NamedTuple):
         worlds = {axis.name: value for axis, value in at if "world" in axis.changes(value)}
         for axis, value in at:
             for key, number in axis.changes(value).items():
-                if _is_of_world(key) and _walk(loaded.document.value, key.split(".")) != number:
+                if _may_be_set_by_world(key) and _walk(loaded.document.value, key.split(".")) != number:
                     why = f"recorded at {RECORDED_HZ} Hz" if key.startswith("sensors.") else "the truth is recorded"
                     return AbsentCells(at=worlds | {axis.name: value}, reason=why)
         return None
 
 
 def task_of(loaded: Scenario) -> EnvelopeTask:
-    """What the scenario's ``envelope:`` asks for.
+    """Return the task of the scenario's ``envelope:`` block.
 
     Raises:
-        InputError: it has none, requires nothing, has no such key, or cannot repeat what its claim is about.
+        InputError: the scenario has no such block or no requirement, or its scenes cannot repeat as the claim needs.
     """
     config: EnvelopeConfig | None = getattr(loaded.config, "envelope", None)
     if config is None:
@@ -161,14 +162,14 @@ def task_of(loaded: Scenario) -> EnvelopeTask:
 
 
 def truth_key(loaded: Scenario) -> str:
-    """Equal of scenarios that have the same truth."""
+    """Return a key that is equal for scenarios with the same ground truth."""
     config = loaded.config
     hidden = config.sensing.identities
     return json.dumps([hidden, config.monte_carlo.seed, repr(truth_source(loaded)), config.monte_carlo.runs])
 
 
 def _extents(loaded: Scenario, config: EnvelopeConfig) -> tuple[Extent, ...]:
-    """Of each look: twice as many as at the one before."""
+    """Return scenes and runs at each look; the number that grows doubles from look to look."""
     sizes = [config.runs.first]
     while sizes[-1] < config.runs.most:
         sizes.append(min(2 * sizes[-1], config.runs.most))

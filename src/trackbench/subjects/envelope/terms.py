@@ -32,5 +32,5 @@ _PAGES = {
 
 
 def map_terms() -> Iterator[TermPage]:
-    """The words of a map."""
+    """Return the pages of the terms `envelope`, `cell` and `margin`."""
     return (TermPage(name, page) for name, page in _PAGES.items())

@@ -1,4 +1,4 @@
-"""The map of an envelope in characters, and its border in a sentence, for a terminal."""
+"""The map of an envelope in characters, and its border in a sentence, for the terminal."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from trackbench.subjects.envelope.claim import Claim, State
 from trackbench.subjects.envelope.margins import distance_from_base, holding, margins, slices
 
 MARKS: dict[State, str] = {"holds": "#", "fails": "x", "undecided": "?"}
-#: Columns, and rows, above which cells that were added near the border are left out.
+#: Largest number of columns and of rows; with more, cells added near the border are left out.
 _MOST = 20
 
 
 def map_blocks(claim: Claim, tracker: str) -> Iterator[Block]:
-    """Yield the border of a tracker in a sentence, and its map over the first two axes of numbers."""
+    """Yield a sentence on the border of a tracker, and its map over the first two axes of numbers."""
     lines = margins(claim, tracker)
     nearest = [
         min((line for line in lines if line.axis.name == name), key=lambda line: distance_from_base(claim, line.at))
@@ -30,9 +30,10 @@ def map_blocks(claim: Claim, tracker: str) -> Iterator[Block]:
 
 
 def text_map(claim: Claim, tracker: str) -> str:
-    """Return a character for each cell of the slice nearest to the scenario; empty with fewer than two such axes.
+    """Return a map with a character for each cell, on the slice nearest to the scenario.
 
-    "#" holds, "x" fails, "?" is undecided; the cell nearest to the scenario is in brackets.
+    "#" holds, "x" fails, "?" is undecided; the cell nearest to the scenario is in brackets. Empty with fewer than two
+    axes of numbers.
     """
     pair = next(combinations([i for i, axis in enumerate(claim.axes) if axis.ordered], 2), None)
     if pair is None:
@@ -43,20 +44,18 @@ def text_map(claim: Claim, tracker: str) -> str:
         points = {point: cell for point, cell in points.items() if not cell.added}
     across, up = (sorted({point[side] for point in points}) for side in (0, 1))
     axes = (part.across, part.up)
-    reached = all(axis.reaches(claim.own_values[axis.name]) for axis in axes)
-    own = (
-        min(points, key=lambda point: distance_from_base(claim, [*zip(axes, point, strict=True)])) if reached else None
-    )
+    is_on_map = all(axis.reaches(claim.own_values[axis.name]) for axis in axes)
+    marked = min(points, key=lambda at: distance_from_base(claim, [*zip(axes, at, strict=True)])) if is_on_map else None
     labels = {y: f"{y:.3g}" for y in up}
     width = max(map(len, labels.values()))
 
     def mark(x: float, y: float) -> str:
         cell = points.get((x, y))
         text = MARKS[cell.trackers[tracker].state] if cell else " "
-        return f"[{text}]" if (x, y) == own else f" {text} "
+        return f"[{text}]" if (x, y) == marked else f" {text} "
 
     rows = [f"{labels[y]:>{width}} {''.join(mark(x, y) for x in across)}" for y in reversed(up)]
     ends = f"{across[0]:.3g}".ljust(max(3 * len(across) - len(f"{across[-1]:.3g}"), 4)) + f"{across[-1]:.3g}"
-    key = "# holds  x fails  ? undecided" + "  [ ] the scenario" * (own is not None)
+    key = "# holds  x fails  ? undecided" + "  [ ] the scenario" * (marked is not None)
     head = f"{tracker}: {part.up.name}, {part.up.unit or '1'}, over {part.across.name}, {part.across.unit or '1'}"
     return "\n".join([head, *rows, f"{'':>{width}} {ends}", key])
