@@ -134,7 +134,7 @@ def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> No
         (("--trackers", "kf", "--train-scenes", "3"), "own has one scene"),
         (("--trackers", "kf", "--out", "own.yaml"), "not overwritten"),
         (("--trackers", "kf", "--out", "folder.json"), ".yaml"),
-        ((), "name those to tune; choose from: "),
+        ((), "name the trackers to tune; choose from: "),
     ],
 )
 def test_bad_input_is_one_message(cli: Cli, arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:

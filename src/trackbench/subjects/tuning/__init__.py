@@ -1,4 +1,8 @@
-"""Finds the options of a tracker with which it does best: by trials on identical measurements."""
+"""Tuning: the search for a tracker's best options, by trials on identical measurements.
+
+Scenarios and ranges of options come in; tuned values, and their comparison with the start on held-out scenes or
+noise, go out. Read ``tune.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

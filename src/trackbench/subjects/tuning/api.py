@@ -1,4 +1,4 @@
-"""Tuning trackers: what is behind ``trackbench tune``, and the call from a program."""
+"""The call ``trackbench.tune``, and the steps that it shares with the command."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ from trackbench.subjects.tuning.tune import Tuning, TuningTask, tune_tracker
 
 @dataclass(frozen=True)
 class TunePlan:
-    """How trackers are tuned."""
+    """Settings of a tuning, for all of its trackers."""
 
     objective: Objective
     ranges: tuple[str, ...] = ()
-    """``KEY=LOW:HIGH`` or ``KEY=A,B,C`` each; the usual ones unless given."""
+    """Ranges as ``KEY=LOW:HIGH`` or ``KEY=A,B,C``; empty for the usual ranges."""
     trials: int | None = None
     seed: int = 0
     storage: Path | None = None
@@ -58,10 +58,10 @@ class TunePlan:
 def tune_trackers(
     scenarios: Sequence[Scenario], trackers: Iterable[str], plan: TunePlan, executor: Executor, listener: Listener
 ) -> list[Tuning]:
-    """Tune each of some trackers by itself, with one set of values for all scenarios.
+    """Tune each tracker by itself, with one set of values for all scenarios.
 
     Raises:
-        InputError: something is wrong in a scenario, a range or the storage, or a tracker cannot be tuned so.
+        InputError: a scenario, a range or the storage is invalid, or a tracker cannot be tuned.
         TrackbenchError: the processes that do the work died.
     """
     require_optuna()
@@ -122,23 +122,23 @@ def _bench(loaded: Scenario, executor: Executor, listener: Listener) -> Bench:
 
 
 class TunedTrackers:
-    """Tuned trackers. A notebook shows them as a page, ``print`` as text; ``tuned["ekf_cv"]`` is one of them."""
+    """Tuned trackers. A notebook shows them as a page, ``print`` as text; ``tuned["ekf_cv"]`` is one of the tunings."""
 
     def __init__(self, tunings: Sequence[Tuning], scenarios: Sequence[Scenario], command: str) -> None:
-        self._found, self._scenarios, self._command = tunings, scenarios, command
+        self._tunings, self._scenarios, self._command = tunings, scenarios, command
 
     @property
     def values(self) -> dict[str, dict[str, Any]]:
-        """Best values by tracker and option, as ``load`` takes them after ``trackers.NAME.``."""
-        return {item.tracker: dict(item.best.values) for item in self._found}
+        """Tuned values by tracker and option; option keys are relative to ``trackers.NAME`` in the scenario."""
+        return {item.tracker: dict(item.best.values) for item in self._tunings}
 
     def json(self) -> dict[str, Any]:
-        """Return all numbers, as ``trackbench tune --json`` prints them."""
-        return tuning_content(self._found, self._command)
+        """Return all numbers as a dictionary, with the keys of ``trackbench tune --json``."""
+        return tuning_content(self._tunings, self._command)
 
     def report(self) -> Report:
-        """Return the report, as ``trackbench tune`` writes it."""
-        return Report(tuning_document(self._found, self._command))
+        """Return the report that ``trackbench tune`` writes."""
+        return Report(tuning_document(self._tunings, self._command))
 
     def save(self, out: Path | str) -> list[str]:
         """Write the scenario with the tuned values, the report and the numbers; return the names of the files.
@@ -149,18 +149,18 @@ class TunedTrackers:
         Raises:
             TrackbenchError: a file cannot be written.
         """
-        place = Path(out)
-        require_tuning_files(place, self._scenarios)
-        return [str(file) for file in save_tuning(self._found, self._scenarios, place, self._command)]
+        path = Path(out)
+        require_tuning_files(path, self._scenarios)
+        return [str(file) for file in save_tuning(self._tunings, self._scenarios, path, self._command)]
 
     def __getitem__(self, tracker: str) -> Tuning:
-        return next(item for item in self._found if item.tracker == tracker)
+        return next(item for item in self._tunings if item.tracker == tracker)
 
     def __repr__(self) -> str:
-        return f"<tuning of {', '.join(item.tracker for item in self._found)}>"
+        return f"<tuning of {', '.join(item.tracker for item in self._tunings)}>"
 
     def __str__(self) -> str:
-        return str(Report(tuning_summary(self._found)))
+        return str(Report(tuning_summary(self._tunings)))
 
     def _repr_html_(self) -> str:
         return self.report()._repr_html_()
@@ -183,28 +183,28 @@ def tune(
     engine: EngineName = "auto",
     progress: Progress = no_progress,
 ) -> TunedTrackers:
-    """Find the options with which trackers do best, on some scenes and noise, and try them on others.
+    """Find the best options of trackers on some scenes and noise, and test them on other scenes and noise.
 
     Args:
-        scenario: what :func:`load` gave or takes; a list or tuple of these gets one set of values for all.
-        trackers: names of those that are tuned, each by itself.
-        ranges: such as ``"acceleration_sigma_mps2=0.1:30"`` or ``"initial.skip=0,2,5"``; unless given, the process
-            noise.
-        objective: ``likelihood``, ``position_rmse``, ``tgospa`` or a metric of the scenario; unless given, ``tgospa``
-            with hidden identities and a truth, else ``likelihood``.
-        trials: how many sets of values are tried.
-        storage: an SQLite file that keeps the trials, so that an interrupted search goes on.
-        train_scenes: scenes that are tuned on.
-        test_scenes: scenes that the values are tried on.
-        train_runs: runs of each scene that is tuned on.
-        test_runs: runs of each scene that is tried on.
-        seed: of the search.
+        scenario: a scenario, loaded or by its path or name; several get one set of values for all.
+        trackers: names of the trackers to tune, each by itself.
+        ranges: ranges such as ``"acceleration_sigma_mps2=0.1:30"`` or ``"initial.skip=0,2,5"``; empty for the usual
+            ranges of the process noise and other main options.
+        objective: ``likelihood``, ``position_rmse``, ``tgospa`` or a metric of the scenario; None for ``tgospa`` with
+            hidden identities and a ground truth, else ``likelihood``.
+        trials: number of sets of values to try; None for a number that grows with the options.
+        storage: SQLite file that keeps the trials, so that an interrupted search goes on.
+        train_scenes: number of scenes for tuning.
+        test_scenes: number of scenes for the test.
+        train_runs: number of runs of each tuning scene.
+        test_runs: number of runs of each test scene.
+        seed: seed of the search.
         workers: number of processes.
-        engine: what computes, as for :func:`run`.
-        progress: called with the number of trials made and of all of a tracker.
+        engine: ``auto``, ``numpy`` or ``fused``.
+        progress: called with a tracker's number of finished trials and of all trials.
 
     Raises:
-        InputError: something is wrong in a scenario, a range or the storage, or Optuna is not installed.
+        InputError: a scenario, a range or the storage is invalid, or Optuna is not installed.
         TrackbenchError: the processes that do the work died.
     """
     _require_numbers(2, trials=trials)
@@ -212,8 +212,8 @@ def tune(
     _require_numbers(0, seed=seed)
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
     split = Split(train_scenes, test_scenes, train_runs, test_runs)
-    kept = None if storage is None else Path(storage)
-    plan = TunePlan(objective_of(objective, loaded), tuple(listed(ranges)), trials, seed, kept, split, engine=engine)
+    path = None if storage is None else Path(storage)
+    plan = TunePlan(objective_of(objective, loaded), tuple(listed(ranges)), trials, seed, path, split, engine=engine)
     names = listed(trackers)
     with executor(workers, None) as chosen:
         tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
@@ -227,7 +227,7 @@ def _require_numbers(least: int, **options: Any) -> None:
 
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:
-    """Return the command that repeats a tuning."""
+    """Return the shell command that repeats a tuning."""
     options = {
         "--objective": plan.objective.name,
         "--trials": plan.trials,

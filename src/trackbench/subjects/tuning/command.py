@@ -1,4 +1,4 @@
-"""``trackbench tune``"""
+"""The command ``trackbench tune``."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ from trackbench.scenario.shipped import files_of_scenarios
     help="likelihood, position_rmse, tgospa, or a metric of the scenario.  [tgospa with hidden identities and a "
     "truth, else likelihood]",
 )
-@click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many sets of values are tried.")
+@click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="Number of sets of values to try.")
 @click.option(
     "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="SQLite file of the trials."
 )
-@click.option("--train-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that are tuned on.")
-@click.option("--test-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that the values are tried on.")
-@click.option("--train-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tuned on.")
-@click.option("--test-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tried on.")
+@click.option("--train-scenes", type=click.IntRange(1, 1000), metavar="N", help="Number of scenes for tuning.")
+@click.option("--test-scenes", type=click.IntRange(1, 1000), metavar="N", help="Number of scenes for the test.")
+@click.option("--train-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene for tuning.")
+@click.option("--test-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene for the test.")
 @click.option("--seed", type=click.IntRange(0), metavar="S", default=0, help="Seed of the search.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="PATH",
-    help="File of the scenario with the found values, or a folder.  [tuned.yaml; for several the folder tuned]",
+    help="File of the scenario with the tuned values, or a folder.  [tuned.yaml; for several the folder tuned]",
 )
 @click.option("--workers", type=WORKERS, metavar="N", default=1, help="Processes; same result.")
 @engine_option
@@ -78,9 +78,9 @@ def tune_command(
 ) -> None:
     """Find the options with which trackers do best.
 
-    Each tracker is tuned by itself, with one set of values for all scenarios, on some scenes and noise, and then held
-    against its start on others. Writes the scenario with the found values, a report and all numbers. An interrupted
-    search goes on where it was if its trials are kept in a --storage.
+    Each tracker is tuned by itself, with one set of values for all scenarios, on some scenes and noise. The values are
+    then compared with its start on other scenes and noise. Writes the scenario with the tuned values, a report and all
+    numbers. An interrupted search goes on where it was if its trials are kept in a --storage.
 
     \b
     Examples:

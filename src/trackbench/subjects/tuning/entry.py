@@ -1,4 +1,4 @@
-"""The entry of a tracker in a scenario, some of its options changed."""
+"""The entry of a tracker in a scenario, with some options changed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from trackbench.trackers.config import AnyTracker, FilterConfig, PluginConfig
 
 Entry = FilterConfig | PluginConfig
 Values = Mapping[str, Any]
-#: Key of the mean time of a model, before the number of the model.
+#: Prefix of the key of an IMM model's mean duration; the number of the model follows.
 STAYS = "motion.stay_s."
 
 _TRACKER: TypeAdapter[Entry] = TypeAdapter(AnyTracker)
 
 
 def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]:  # noqa: B006
-    """Return the entry as a scenario writes it, with some options changed."""
+    """Return the entry of a tracker as YAML values, with some options changed."""
     entry: dict[str, Any] = copy.deepcopy(loaded.document.value["trackers"][tracker])
     for key, value in values.items():
         set_value(entry, key, copy.deepcopy(value))
@@ -33,23 +33,23 @@ def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]
 
 
 def entry_with(loaded: Scenario, tracker: str, values: Values) -> Entry:
-    """Return the entry of a tracker, with some options changed.
+    """Return the validated entry of a tracker, with some options changed.
 
     Raises:
-        ValidationError: the values do not go together.
+        ValidationError: the values are invalid, or contradict each other.
     """
     return _TRACKER.validate_python(plain(loaded, tracker, values), context={"folder": loaded.folder})
 
 
 def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
-    """Return why the scenario does not take these values of a tracker's options; None where it does."""
+    """Return the reason why a tracker's options cannot have these values; None where they can."""
     try:
         trackers = {**loaded.document.value["trackers"], tracker: plain(loaded, tracker, values)}
         ScenarioConfig.model_validate(
             {**loaded.document.value, "trackers": trackers}, context={"folder": loaded.folder}
         )
     except InputError as error:
-        # What it advises is for the command line's --set.
+        # The rest of the message is advice on the option --set.
         return error.message.partition("; set it as a whole")[0]
     except ValidationError as invalid:
         return explain(invalid, {})[0].message
@@ -57,7 +57,7 @@ def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
 
 
 def current(loaded: Scenario, tracker: str, key: str) -> Any:
-    """Return the value that an option has in the scenario, or by default; None where it is unknown."""
+    """Return the value of an option in the scenario, or its default; None for an unknown option."""
     config = loaded.config
     node: Any = config.trackers[tracker]
     parts = key.split(".")
@@ -76,7 +76,7 @@ def current(loaded: Scenario, tracker: str, key: str) -> Any:
         elif isinstance(node, list | tuple):
             node = node[int(part)] if part.isdecimal() and int(part) < len(node) else None
         else:
-            # ``from`` is a word of the language: such an option has an alias.
+            # An option such as ``from``, a keyword of Python, has an alias.
             fields = getattr(type(node), "model_fields", {})
             node = getattr(node, next((name for name, field in fields.items() if field.alias == part), part), None)
     return node

@@ -1,4 +1,4 @@
-"""The trials of one tracker, all on identical measurements: each is a tracker of its own in a run."""
+"""The trials of one tracker, on identical measurements: each trial runs as a tracker of its own."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_tria
 from trackbench.subjects.tuning.trial_sums import GAP, Availability, LogTime, TrialSums
 from trackbench.truth import LoadedTruth
 
-#: Trials that go through the only block of a search one after the other, so that several processes share the search.
-TOGETHER = 3
+#: Number of trials in one call if there is a single block of runs, so that several processes share the search.
+TRIALS_IN_CALL = 3
 
 
 class TrialOutcome(NamedTuple):
@@ -39,21 +39,20 @@ class TrialOutcome(NamedTuple):
 
     sums: Sums | None
     failed: str = ""
-    """Reason why there are none."""
+    """Reason why there are no sums."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """A scenario with the truth on which trials are made."""
+    """Scenario with the ground truth on which trials are made."""
 
     scenario: Scenario
     truths: Sequence[LoadedTruth]
     held_out: bool | None = None
-    """Whether the held-out stretches of a log are scored, or the stretches that are tuned on; None for all."""
+    """True scores the held-out stretches of a log, False the stretches for tuning, None the whole log."""
 
     @property
     def name(self) -> str:
-        """Name of the scenario."""
         return self.scenario.config.name
 
     @property
@@ -63,53 +62,53 @@ class Bench:
 
 
 class _Block(NamedTuple):
-    """What the trials of a block of runs share."""
+    """Block of runs with the settings that all its trials share."""
 
     work: Work
     piece: BlockRuns
     counted: Availability | None
-    """Counted innovations; None where identities are hidden, and for the start, which decides what counts."""
+    """Innovations that count; None with hidden identities, and for the start, whose own innovations decide it."""
     metric: Metric | None
-    """Metric of the objective, if it is none of the usual measures."""
+    """Metric of the objective, unless it is one of the usual measures."""
     measure: str
-    """Measure of tracks that is summed beside the usual ones."""
+    """Track measure that is summed in addition to the usual ones."""
     log_time: LogTime | None
-    """Stretches of a single run that are summed by themselves."""
+    """Stretches of a single run that are summed separately."""
 
 
 class _Piece(NamedTuple):
     """Result of a trial in a block of runs."""
 
     sums: Sums | str
-    """Sums, or the reason why there are none."""
+    """Sums of the trial, or the reason of its failure."""
     available: Availability | None = None
-    """Innovations that were summed, if identities are known."""
+    """Innovations that were summed; None with hidden identities."""
     engine: EngineUsed | None = None
-    """What computed a built-in tracker."""
+    """Engine that computed a built-in tracker; None for any other tracker."""
 
 
 class _Start(NamedTuple):
-    """Result of the tracker before it is tuned, in one scenario."""
+    """Result of the tracker's start values in one scenario."""
 
     outcome: TrialOutcome
     counted: Mapping[BlockRuns, Availability | None]
-    """Innovations that count, by block."""
+    """Innovations that count, by block of runs."""
     engine: EngineUsed | None
-    """What computed a built-in tracker; None for any other."""
+    """Engine that computed a built-in tracker; None for any other tracker."""
 
 
 class Evaluator:
-    """Makes trials of one tracker, each scored on the estimates and innovations that the start gives.
+    """Evaluation of trials of one tracker, each scored on the estimates and innovations that the start gives.
 
     Args:
-        benches: the scenarios.
-        tracker: its name in each.
-        executor: what makes the trials.
+        benches: scenarios with their ground truth.
+        tracker: name of the tracker in each scenario.
+        executor: makes the trials, in this process or others.
         isolation: how a tracker that is not built in is kept apart.
-        engine: what computes.
-        trials: about how many will be made.
-        metric: that is summed beside the usual measures.
-        measure: of tracks, that is kept beside the usual ones.
+        engine: ``auto``, ``numpy`` or ``fused``.
+        trials: expected number of trials, by which ``auto`` chooses the engine.
+        metric: metric that is summed in addition to the usual measures.
+        measure: track measure that is summed in addition to the usual ones.
     """
 
     def __init__(
@@ -131,8 +130,7 @@ class Evaluator:
         self._work = [replace(work, engine=self.engine, recorded_run=-1, driven_twice=None) for work in works]
 
     def scenes(self, bench: int) -> Indices:
-        """``(runs,)`` number of the scene of each run of a scenario; of stretches of time, which are taken for
-        independent, ``(stretches,)`` the same."""
+        """Return the scene number of each run, ``(runs,)``; zeros ``(stretches,)`` for stretches of a single run."""
         sums = self._start[bench].outcome.sums
         if self._log_time(bench) is None or sums is None:
             return self._work[bench].scene_of_run
@@ -140,20 +138,20 @@ class Evaluator:
 
     @property
     def start(self) -> list[TrialOutcome]:
-        """Outcomes of the tracker before it is tuned, by scenario."""
+        """Outcomes of the start values, by scenario."""
         return [start.outcome for start in self._start]
 
     @property
     def engine_used(self) -> EngineUsed | None:
-        """What computes a built-in tracker; None for any other."""
+        """Engine that computes a built-in tracker; None for any other tracker."""
         return joined_engines(start.engine for start in self._start if start.engine is not None)
 
     def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[TrialOutcome]]:
-        """Return the outcome of each point in each scenario; the start must not fail in any.
+        """Return the outcomes of points by point and scenario; the start must not fail in any scenario.
 
         Args:
-            points: values by the options' keys; empty for the tracker as it is.
-            progress: called with how many parts are done and how many there are.
+            points: values by option; empty for the tracker with its start values.
+            progress: called with the number of finished parts and of all parts.
         """
         parts: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
         pending = []
@@ -165,30 +163,30 @@ class Evaluator:
                 except ValidationError as invalid:
                     parts[trial][bench].append(invalid.errors()[0]["msg"])
             trials, blocks = [*entries], len(self._work[bench].pieces())
-            size = TOGETHER if blocks == 1 else max(1, len(trials))
+            size = TRIALS_IN_CALL if blocks == 1 else max(1, len(trials))
             groups = [trials[first : first + size] for first in range(0, len(trials), size)]
-            made = self._made(bench, [{trial: entries[trial] for trial in group} for group in groups], self._start)
-            pending += [(bench, made)] * (len(groups) * blocks)
-        for done, (bench, made) in enumerate(pending):
+            results = self._make(bench, [{trial: entries[trial] for trial in group} for group in groups], self._start)
+            pending += [(bench, results)] * (len(groups) * blocks)
+        for done, (bench, results) in enumerate(pending):
             progress(done, len(pending))
-            for trial, piece in next(made).items():
+            for trial, piece in next(results).items():
                 parts[trial][bench].append(piece.sums)
         progress(len(pending), len(pending))
-        return [[_joined(of_bench) for of_bench in of_trial] for of_trial in parts]
+        return [[_join(of_bench) for of_bench in of_trial] for of_trial in parts]
 
     @cached_property
     def _start(self) -> list[_Start]:
-        """Results of the start. Where a kernel of a user's model differs, NumPy computes the start and all trials."""
-        starts = self._started()
+        """Results of the start values. If a kernel of a user's model differs from NumPy, NumPy computes all trials."""
+        starts = self._run_start()
         if not any(start.engine is not None and start.engine.differs for start in starts):
             return starts
         self._work = [replace(work, engine="numpy") for work in self._work]
         engines = [start.engine and start.engine._replace(engine="numpy", differs=False) for start in starts]
-        return [start._replace(engine=engine) for start, engine in zip(self._started(), engines, strict=True)]
+        return [start._replace(engine=engine) for start, engine in zip(self._run_start(), engines, strict=True)]
 
-    def _started(self) -> list[_Start]:
+    def _run_start(self) -> list[_Start]:
         made = [
-            self._made(number, [{0: bench.scenario.config.driven(self.tracker)}])
+            self._make(number, [{0: bench.scenario.config.driven(self.tracker)}])
             for number, bench in enumerate(self.benches)
         ]
         starts = []
@@ -196,13 +194,13 @@ class Evaluator:
             pieces = {piece: next(results)[0] for piece in work.pieces()}
             counted = {place: piece.available for place, piece in pieces.items()}
             engine = joined_engines(piece.engine for piece in pieces.values() if piece.engine is not None)
-            starts.append(_Start(_joined([piece.sums for piece in pieces.values()]), counted, engine))
+            starts.append(_Start(_join([piece.sums for piece in pieces.values()]), counted, engine))
         return starts
 
-    def _made(
+    def _make(
         self, bench: int, groups: Sequence[Mapping[int, Entry]], starts: Sequence[_Start] = ()
     ) -> Iterator[dict[int, _Piece]]:
-        """Make the trials of each group in each block of runs of a scenario."""
+        """Yield the trials of each group in each block of runs of a scenario."""
         work, log_time = self._work[bench], self._log_time(bench)
         blocks = [
             _Block(
@@ -219,7 +217,7 @@ class Evaluator:
         return self._executor.map(_trials_of_block, calls, own_folder(self.benches[bench].scenario))
 
     def _log_time(self, bench: int) -> LogTime | None:
-        """Return the stretches of time of a single run; None where runs or scenes are independent."""
+        """Return the stretches into which a single run is divided; None where runs or scenes are independent."""
         work = self._work[bench]
         if work.hidden or self._metric is not None or not work.over_stretches:
             return None
@@ -227,18 +225,17 @@ class Evaluator:
 
 
 def _trials_of_block(block: _Block, entries: Mapping[int, Entry]) -> dict[int, _Piece]:
-    """Make some trials in a block of runs; called in any process."""
-    work, own = block.work, () if block.metric is None else metrics_of_trial(block.metric)
+    """Make trials in a block of runs, in any process."""
+    work, metrics = block.work, () if block.metric is None else metrics_of_trial(block.metric)
     work = replace(work, trackers={str(trial): entry for trial, entry in entries.items()})
     if not work.hidden:
         sums = TrialSums(log_time=block.log_time, counted=block.counted)
-        work = replace(work, metrics=(Coverage(), sums, *own[1:]))
+        work = replace(work, metrics=(Coverage(), sums, *metrics[1:]))
     made = run_block(work, block.piece)
     return {trial: _piece(block, made.outcomes[str(trial)], made.engines.get(str(trial))) for trial in entries}
 
 
 def _piece(block: _Block, outcome: Outcome | Failure, engine: EngineUsed | None) -> _Piece:
-    """Return what is kept of a trial in a block."""
     if isinstance(outcome, Failure):
         return _Piece(outcome.cause, None, engine)
     available = None
@@ -248,13 +245,13 @@ def _piece(block: _Block, outcome: Outcome | Failure, engine: EngineUsed | None)
         values = {name: run_sums(outcome.sums[TRACKS.name], path) for path, name in measures.items()}
     else:
         values, available = outcome.sums[TrialSums.name]
-    own = () if block.metric is None else metrics_of_trial(block.metric)
-    blocks = ({name: outcome.sums[name] for name in accumulators(own)},) if own else ()
+    metrics = () if block.metric is None else metrics_of_trial(block.metric)
+    blocks = ({name: outcome.sums[name] for name in accumulators(metrics)},) if metrics else ()
     return _Piece(Sums(values, block.metric, blocks), available, engine)
 
 
-def _joined(parts: Sequence[Sums | str]) -> TrialOutcome:
-    """Return the outcome over the runs of all scenes."""
+def _join(parts: Sequence[Sums | str]) -> TrialOutcome:
+    """Return the outcome over all blocks; the first failure, if there is one."""
     for part in parts:
         if isinstance(part, str):
             return TrialOutcome(None, part)

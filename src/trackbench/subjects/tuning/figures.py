@@ -14,22 +14,16 @@ from trackbench.subjects.tuning.tune import Tuning
 
 _TRIAL, _BEST = TRACKER_COLOURS[0], TRACKER_COLOURS[4]
 _HEIGHT, _WIDTH = 230.0, 340.0
-#: Error beyond the best at which the figure ends: it shows the optimum, %.
+#: Upper end of the vertical axis, % above the best trial's error, so that the optimum is visible.
 _HIGHEST = 60.0
 
 
 def trials_figure(item: Tuning, parameter: Parameter, name: str = "") -> Figure:
-    """Return the figure of all trials over one option whose values are numbers.
-
-    Args:
-        item: the tuning.
-        parameter: the option.
-        name: what the name of the figure begins with.
-    """
+    """Return the figure of all trials' losses over one option of numbers; ``name`` is a prefix of the figure's name."""
     relative = item.objective.measure != "log_likelihood"
-    done = [trial for trial in item.trials if not trial.failed]
-    values = [float(trial.values[parameter.key]) for trial in done]
-    rises = [trial.loss - item.best.loss for trial in done]
+    succeeded = [trial for trial in item.trials if not trial.failed]
+    values = [float(trial.values[parameter.key]) for trial in succeeded]
+    rises = [trial.loss - item.best.loss for trial in succeeded]
     if relative:
         rises = [100 * math.expm1(min(rise, 1.0)) for rise in rises]
     legend = [LegendEntry("trial", _TRIAL, "dot"), LegendEntry("tuned", _BEST), LegendEntry("start", INK, "dash")]

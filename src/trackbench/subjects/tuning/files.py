@@ -1,4 +1,4 @@
-"""The files of a tuning: its JSON values, and the scenario with the values that were found."""
+"""The files of a tuning: its numbers as JSON, its report, and the scenario with the tuned values."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCHEMA_VERSION = 1
 
 
 def tuning_content(tunings: Sequence[Tuning], command: str) -> dict[str, Any]:
-    """Return the values and comparisons of each tracker, and the command that repeats them, as JSON."""
+    """Return the values and comparisons of each tracker, and the command that repeats them, for JSON."""
     return {
         "schema_version": SCHEMA_VERSION,
         "command": command,
@@ -77,15 +77,15 @@ ENDING = ".yaml"
 
 
 def default_out(scenarios: Sequence[Scenario]) -> Path:
-    """Return where the scenarios are written unless the user says: a file for one, a folder for several."""
+    """Return the default path of the tuned scenarios: a file for one scenario, a folder for several."""
     return Path("tuned.yaml" if len(scenarios) == 1 else "tuned")
 
 
 def require_tuning_files(out: Path, scenarios: Sequence[Scenario]) -> None:
-    """Make sure that the files can be written, before the work begins.
+    """Refuse, before any work, files that cannot be written.
 
     Raises:
-        InputError: the name is none for them, or a scenario would be overwritten.
+        InputError: the path does not fit the number of scenarios, or a file would be overwritten.
     """
     single = len(scenarios) == 1
     if single != (out.suffix == ENDING):
@@ -98,8 +98,8 @@ def require_tuning_files(out: Path, scenarios: Sequence[Scenario]) -> None:
             raise InputError("is the scenario that is tuned, which is not overwritten; give another name", key="--out")
         results.require_file(file, "--out")
         for module in own_modules(scenario):
-            there = file.parent / module.name
-            if there.is_file() and there.read_bytes() != module.read_bytes():
+            existing = file.parent / module.name
+            if existing.is_file() and existing.read_bytes() != module.read_bytes():
                 raise InputError(
                     f"another {module.name} than that beside {scenario.path} is there; give another folder",
                     key="--out",
@@ -108,18 +108,15 @@ def require_tuning_files(out: Path, scenarios: Sequence[Scenario]) -> None:
 
 
 def tuned_scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]:
-    """Return the file of each scenario with the tuned values."""
+    """Return the path of each scenario with the tuned values."""
     return [out] if len(scenarios) == 1 else [out / f"{item.config.name}{ENDING}" for item in scenarios]
 
 
 def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: Path, command: str) -> list[Path]:
-    """Write all files, each whole or not at all; the scenarios come last.
-
-    Returns:
-        The files.
+    """Write all files, each whole or not at all; return their paths, those of the scenarios last.
 
     Raises:
-        OutputError: one cannot be written.
+        OutputError: a file cannot be written.
     """
     base = out.with_suffix("") if len(scenarios) == 1 else out / "tuning"
     content = {
@@ -129,11 +126,12 @@ def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: P
     values = {item.tracker: item.best.values for item in tunings}
     for scenario, file in zip(scenarios, tuned_scenario_files(out, scenarios), strict=True):
         folder = file.parent.resolve()
-        # Trackers are looked for beside the scenario that names them.
-        content |= {file.parent / own.name: own.read_bytes() for own in own_modules(scenario) if own.parent != folder}
+        # A scenario's plug-in modules must lie beside it.
+        modules = [module for module in own_modules(scenario) if module.parent != folder]
+        content |= {file.parent / module.name: module.read_bytes() for module in modules}
         content[file] = tuned_scenario_text(scenario, values, file.parent).encode()
-    for file, each in content.items():
-        results.write_bytes(file, each)
+    for file, data in content.items():
+        results.write_bytes(file, data)
     return list(content)
 
 
@@ -143,14 +141,14 @@ def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: P
     Args:
         loaded: the scenario.
         tuned: values of the options, by tracker.
-        folder: where it is written; a relative path of a recording is as seen from there.
+        folder: folder of the new file; relative paths of recordings are changed to start there.
     """
     trackers: dict[str, Any] = {}
     for name, entry in loaded.document.value["trackers"].items():
         if name in tuned:
             trackers |= {name: plain(loaded, name, tuned[name]), f"{name}_start": copy.deepcopy(entry)}
         else:
-            # The start of a search before this one is not kept.
+            # An earlier search's NAME_start is replaced.
             trackers.setdefault(name, entry)
     truth = loaded.document.value["truth"]
     if truth.get("source") == "recording":

@@ -1,4 +1,4 @@
-"""Start against tuned values on scenes and noise that the search has not seen."""
+"""Comparison of start and tuned values on scenes and noise that the search has not seen."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from trackbench.subjects.tuning.objectives import Objective
 from trackbench.subjects.tuning.trial_sums import GAP, LogTime
 from trackbench.truth.sources import RecordingTruth
 
-#: Scenes of each scenario that are tuned on, and those that are tried on, unless stated.
+#: Default numbers of scenes of each scenario for tuning and for the test.
 TRAIN_SCENES, TEST_SCENES = FEWEST_SCENES, 8
-#: Most runs of each scene that is tuned on, where there are several: other traffic tells more than other noise.
+#: Largest default number of runs of each tuning scene if there are several, since new traffic tells more than noise.
 TRAIN_RUNS = 25
-#: The seeds of traffic for tuning begin here: above those that scenarios use.
+#: First seed of the scenes for tuning, above the seeds that scenarios use.
 FIRST_SEED = 1001
 
-#: What tells what is tried on from what is tuned on: noise where every run has the same truth; the time of a log; logs.
+# Difference of the test measurements from the tuning measurements, in words.
 SAME_MOTION = "other noise of the same motion"
 SAME_LOG = "other stretches of the same log"
 OTHER_LOGS = "other logs"
@@ -40,7 +40,7 @@ OTHER_STRETCHES = "other stretches of the same logs"
 
 @dataclass(frozen=True)
 class Split:
-    """Sizes of what is tuned on and tried on; None as usual."""
+    """Numbers of scenes and runs for tuning and for the test; None for the default."""
 
     train_scenes: int | None = None
     test_scenes: int | None = None
@@ -50,7 +50,7 @@ class Split:
 
 @dataclass(frozen=True)
 class Halves:
-    """A scenario for tuning and one for trying."""
+    """Scenario for tuning and scenario for the test."""
 
     train: Scenario
     test: Scenario
@@ -59,13 +59,13 @@ class Halves:
 
 
 def halved(loaded: Scenario, split: Split) -> Halves:
-    """Return the scenario with some scenes and noise, and with others.
+    """Divide a scenario into one for tuning and one for the test, with other scenes or noise.
 
-    The scenes tried on are the scenario's own, and those after them. The noise tried on is the scenario's, and that
-    tuned on is drawn by the next seed.
+    The test has the scenario's own scenes, followed by further ones, and its own noise. Tuning has other scenes, and
+    noise from the next seed.
 
     Raises:
-        InputError: scenes are asked for of a source that has no others.
+        InputError: a number of scenes is given for a truth source that cannot make other scenes.
     """
     config = loaded.config
     several = "seeds" in type(config.truth).model_fields
@@ -83,26 +83,26 @@ def halved(loaded: Scenario, split: Split) -> Halves:
     train_runs, test_runs = split.train_runs or (min(runs, TRAIN_RUNS) if several else runs), split.test_runs or runs
     if not several:
         apart = "other noise and other random motion" if config.truth.random else SAME_MOTION
-        return Halves(_drawn(loaded, train_runs, train_seed), _drawn(loaded, test_runs, test_seed), apart)
-    own = [scene.seed for scene in config.truth.scenes()]  # type: ignore[attr-defined]
-    wanted = split.test_scenes or (len(own) if len(own) > 1 else TEST_SCENES)
-    own = own[:wanted] if wanted <= len(own) else [own[0] + number for number in range(wanted)]
-    free = (seed for seed in itertools.count(FIRST_SEED) if seed not in own)
-    others = list(itertools.islice(free, split.train_scenes or TRAIN_SCENES))
+        return Halves(_with_draws(loaded, train_runs, train_seed), _with_draws(loaded, test_runs, test_seed), apart)
+    test_seeds = [scene.seed for scene in config.truth.scenes()]  # type: ignore[attr-defined]
+    count = split.test_scenes or (len(test_seeds) if len(test_seeds) > 1 else TEST_SCENES)
+    test_seeds = test_seeds[:count] if count <= len(test_seeds) else [test_seeds[0] + number for number in range(count)]
+    unused = (seed for seed in itertools.count(FIRST_SEED) if seed not in test_seeds)
+    train_seeds = list(itertools.islice(unused, split.train_scenes or TRAIN_SCENES))
     return Halves(
-        _drawn(loaded, train_runs, train_seed, others),
-        _drawn(loaded, test_runs, test_seed, own),
+        _with_draws(loaded, train_runs, train_seed, train_seeds),
+        _with_draws(loaded, test_runs, test_seed, test_seeds),
         "other scenes and other noise",
     )
 
 
 def number_of_parts(config: ScenarioConfig) -> int:
-    """Return the number of scenes, or of stretches of logs."""
+    """Return the number of scenes, or of a log's stretches."""
     return len(config.truth.counted_stretches) or len(config.truth.scenes())
 
 
 def _halved_logs(loaded: Scenario) -> Halves:
-    """Hold out every second log or stretch; one log is divided by :func:`halved_in_time`."""
+    """Hold out every second log or stretch; a single log stays whole, since :func:`halved_in_time` divides it."""
     truth = loaded.config.truth
     if not isinstance(truth, RecordingTruth) or number_of_parts(loaded.config) == 1:
         return Halves(loaded, loaded, "")
@@ -114,10 +114,10 @@ def _halved_logs(loaded: Scenario) -> Halves:
 
 
 def halved_in_time(bench: Bench, objective: Objective) -> tuple[Bench, Bench, str]:
-    """Return a log with stretches of time to tune on, with others to try on, and the difference in words.
+    """Return a log with its stretches for tuning, with its stretches for the test, and the difference in words.
 
-    Nothing is held out, and nothing tells them apart, where the log is too short, or where the score is not a sum over
-    time: with hidden identities, and of a metric that has one value in a run.
+    Nothing is held out, and the words are empty, if the log is too short or the score is no sum over time: with hidden
+    identities, or for a metric with one value a run.
     """
     (loaded,), score = bench.truths, bench.scenario.config.score
     steps = np.concatenate([item.steps for item in (loaded.measurements or {}).values()])
@@ -127,8 +127,7 @@ def halved_in_time(bench: Bench, objective: Objective) -> tuple[Bench, Bench, st
     return replace(bench, held_out=False), replace(bench, held_out=True), SAME_LOG
 
 
-def _drawn(loaded: Scenario, runs: int, seed: int, scenes: list[int] | None = None) -> Scenario:
-    """Return the scenario with other runs, noise and scenes."""
+def _with_draws(loaded: Scenario, runs: int, seed: int, scenes: list[int] | None = None) -> Scenario:
     config = loaded.config
     truth = config.truth if scenes is None else config.truth.model_copy(update={"seeds": scenes})
     monte_carlo = config.monte_carlo.model_copy(update={"runs": runs, "seed": seed})
@@ -137,7 +136,7 @@ def _drawn(loaded: Scenario, runs: int, seed: int, scenes: list[int] | None = No
 
 @dataclass(frozen=True)
 class MeasureComparison:
-    """A measure of the start and of the tuned values, and their difference on the same runs."""
+    """Comparison of start and tuned values by one measure, on the same runs."""
 
     scenario: str
     measure: str
@@ -147,34 +146,33 @@ class MeasureComparison:
     difference: Contrast
     """Tuned minus start."""
     p_value: float
-    """Of the hypothesis that the difference is within the margin, corrected for the number of scenarios."""
+    """p-value of the hypothesis that the difference lies within the margin, corrected for the number of scenarios."""
     verdict: str
     """Verdict on the tuned values: better, worse, larger, smaller, equivalent or undecided."""
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Comparison of start and tuned values where the search has not looked."""
+    """Comparison of start and tuned values on held-out measurements."""
 
     comparisons: tuple[MeasureComparison, ...]
     scenes: dict[str, int]
-    """Number of scenes by scenario."""
+    """Number of scenes by scenario; ``runs`` has the number of runs of each."""
     runs: dict[str, int]
     failed: str = ""
     """Reason why there is no comparison."""
 
     def of(self, measure: str) -> list[MeasureComparison]:
-        """Return the comparisons by one measure."""
         return [item for item in self.comparisons if item.measure == measure]
 
 
 def compare_held_out(evaluator: Evaluator, objective: Objective, tuned: Values) -> HeldOut:
-    """Try the start's and the tuned values on other scenes and noise.
+    """Compare start and tuned values on the test scenes and noise.
 
     Args:
-        evaluator: on these.
-        objective: what the values were tuned for.
-        tuned: the values that were found.
+        evaluator: evaluator on the test benches.
+        objective: objective of the tuning.
+        tuned: tuned values by option.
     """
     scenes = {bench.name: number_of_parts(bench.scenario.config) for bench in evaluator.benches}
     runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
@@ -190,42 +188,42 @@ def compare_held_out(evaluator: Evaluator, objective: Objective, tuned: Values) 
     comparisons: list[MeasureComparison] = []
     for measure, metric in start[0].measures.items():
         pairs = [
-            (number, own, other)
-            for number, (own, other) in enumerate(sides)
-            if other.has(measure) and own.lacking(other, measure) is None
+            (number, sums, start_sums)
+            for number, (sums, start_sums) in enumerate(sides)
+            if start_sums.has(measure) and sums.lacking(start_sums, measure) is None
         ]
-        comparisons += _by(measure, metric, evaluator, pairs)
+        comparisons += _compare_by(measure, metric, evaluator, pairs)
     return HeldOut(tuple(comparisons), scenes, runs)
 
 
-def _by(
+def _compare_by(
     measure: str, metric: Metric, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
 ) -> list[MeasureComparison]:
     """Compare by one measure, with p-values corrected for the number of scenarios."""
     better, unit = metric.better, "" if metric.unit == "1" else metric.unit
     rows = []
-    for number, own_sums, other_sums in pairs:
+    for number, tuned_sums, start_sums in pairs:
         scene = evaluator.scenes(number)
-        own, other = own_sums.interval(measure, scene), other_sums.interval(measure, scene)
-        if own is None or other is None:
+        tuned, start = tuned_sums.interval(measure, scene), start_sums.interval(measure, scene)
+        if tuned is None or start is None:
             continue
         config = evaluator.benches[number].scenario.config
-        own, other = (side._replace(few_decide=config.few_scenes_decide) for side in (own, other))
+        tuned, start = (side._replace(few_decide=config.few_scenes_decide) for side in (tuned, start))
         margin = MarginSummary(**config.score.margin.model_dump())
-        # A likelihood has no margin that means nothing: any difference that is shown is one.
-        allowed = margin_between(own, other, unit, better, margin) if measure != "log_likelihood" else 0.0
-        rows.append((evaluator.benches[number].name, own, other, paired(own, other, allowed)))
+        # A likelihood has no margin of irrelevance: any significant difference counts.
+        allowed = margin_between(tuned, start, unit, better, margin) if measure != "log_likelihood" else 0.0
+        rows.append((evaluator.benches[number].name, tuned, start, paired(tuned, start, allowed)))
     corrected = holm([row[3].p_value for row in rows]) if rows else []
     return [
         MeasureComparison(
             name,
             measure,
             unit,
-            other,
-            own,
+            start,
+            tuned,
             contrast,
             p,
             contrast_verdict(contrast, p, better) if contrast.ci95 else UNDECIDED,
         )
-        for (name, own, other, contrast), p in zip(rows, corrected, strict=True)
+        for (name, tuned, start, contrast), p in zip(rows, corrected, strict=True)
     ]

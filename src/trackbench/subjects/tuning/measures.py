@@ -1,4 +1,4 @@
-"""Sums that are kept of a trial, by run: errors and the log-likelihood of innovations."""
+"""The sums that a trial leaves, by run: errors, and the log-likelihood of innovations."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.traffic.table import run_ratio
 from trackbench.metrics.verdicts import LEAST_COVERAGE
 
-#: By name, what the sums of a run tell, beside the metric of the objective.
+#: Measures that the sums of a trial give, by name; the metric of the objective is one more.
 MEASURES: dict[str, Metric] = {
     **TRACK_METRICS,
     "log_likelihood": run_ratio("log_likelihood", "1", "log-likelihood of a measurement", "larger", at_least=-math.inf),
 }
-#: Those of every trial, and those of tracks beside them.
+#: Names of the measures of every trial, and of the further measures of tracks.
 OF_ALL = ("position_rmse", "velocity_rmse", "nees", "log_likelihood")
 OF_TRACKS = ("tgospa", "gospa_switch", "gospa", "gospa_localisation", "gospa_missed", "gospa_false")
 
@@ -32,7 +32,7 @@ class _Words(dict[str, str]):
         return measure.replace("_", " ")
 
 
-#: Each measure as a sentence names it.
+#: Name of each measure in sentences.
 WORDS = _Words(
     position_rmse="position RMSE",
     velocity_rmse="velocity RMSE",
@@ -49,14 +49,14 @@ WORDS = _Words(
 
 @dataclass(frozen=True)
 class Sums:
-    """Total and number of the terms of each measure, by run."""
+    """Total and number of the terms of each measure, by run; their ratio is the measure."""
 
     values: dict[str, Array]
-    """``(2, runs)`` total and number, by measure."""
+    """Total and number ``(2, runs)``, by measure."""
     metric: Metric | None = None
-    """Metric of the objective, if it is none of the measures."""
+    """Metric of the objective, unless it is one of the measures."""
     blocks: tuple[MetricSums, ...] = ()
-    """Sums of the metric over consecutive runs, by accumulator."""
+    """Sums of the metric for consecutive blocks of runs, by accumulator."""
 
     @classmethod
     def joined(cls, parts: Sequence[Sums]) -> Sums:
@@ -68,19 +68,17 @@ class Sums:
     def measures(self) -> dict[str, Metric]:
         """Measures by which start and tuned values may be compared, by name."""
         names = dict.fromkeys([*OF_ALL, *(name for name in self.values if name in TRACK_METRICS)])
-        own = {} if self.metric is None else {self.metric.name: self.metric}
-        return {name: MEASURES[name] for name in names} | own
+        objective = {} if self.metric is None else {self.metric.name: self.metric}
+        return {name: MEASURES[name] for name in names} | objective
 
     def has(self, name: str) -> bool:
         """Return whether a measure was summed."""
         return name in self.values or (self.metric is not None and name == self.metric.name)
 
     def interval(self, name: str, scene: Indices) -> Interval | None:
-        """Return a measure with what each run, or scene, adds to it; None where no run has it.
+        """Return a measure with what each run or scene adds to it; None where no run has a value.
 
-        Args:
-            name: of the measure.
-            scene: ``(runs,)`` number of the scene of each run.
+        ``scene`` is the number of the scene of each run, ``(runs,)``.
         """
         if self.metric is not None and name == self.metric.name:
             metrics = metrics_of_trial(self.metric)
@@ -91,30 +89,30 @@ class Sums:
         return None if interval is None else clustered(interval, scene)
 
     def value(self, name: str) -> float:
-        """Return a measure over all runs; NaN where no run has it."""
+        """Return the value of a measure over all runs; NaN where no run has a value."""
         runs = next(iter(self.values.values())).shape[1]
         interval = self.interval(name, np.zeros(runs, dtype=np.intp))
         return np.nan if interval is None else interval.value
 
     def lacking(self, start: Sums, name: str) -> str | None:
-        """Return what is missing beside the start, or is not finite, so that the two cannot be compared; else None.
+        """Return the reason why the sums cannot be compared with the start's; None where they can.
 
-        An error is charged for a missing estimate, a likelihood and a NEES are not.
+        A missing estimate adds an error to an RMSE. It adds nothing to a likelihood or NEES: their terms are counted.
 
         Args:
-            start: of the tracker as it is; no other innovations of labelled objects were summed than those it gives.
-            name: of the measure by which the two are to be compared.
+            start: sums of the start values; with known identities only innovations that the start gives were summed.
+            name: measure by which the two are to be compared.
         """
         if name not in self.values or name not in start.values:
             return None
-        own, other = self.values[name][1], start.values[name][1]
+        number, start_number = self.values[name][1], start.values[name][1]
         word = "innovations" if name == "log_likelihood" else "estimates"
-        fewer = name == "nees" and own.sum() < LEAST_COVERAGE * other.sum()
-        if fewer or (name == "log_likelihood" and (own < other).any()):
-            return f"it gives {own.sum():.0f} of the {other.sum():.0f} {word} that the start gives"
+        fewer = name == "nees" and number.sum() < LEAST_COVERAGE * start_number.sum()
+        if fewer or (name == "log_likelihood" and (number < start_number).any()):
+            return f"it gives {number.sum():.0f} of the {start_number.sum():.0f} {word} that the start gives"
         return None if np.isfinite(self.values[name][0]).all() else f"its {word} are not finite"
 
 
 def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
-    """What a block computes for a metric: that, and of estimates the sums that any block has."""
+    """Return the metrics that a block must compute for one metric; a metric of estimates needs coverage as well."""
     return (Coverage(), metric) if "tracks" not in metric.needs else (metric,)

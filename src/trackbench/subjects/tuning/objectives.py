@@ -1,4 +1,4 @@
-"""Objectives: what a tracker is tuned for."""
+"""The objectives for which a tracker can be tuned."""
 
 from __future__ import annotations
 
@@ -19,50 +19,50 @@ from trackbench.subjects.tuning.measures import MEASURES, OF_ALL, WORDS, Sums
 
 @dataclass(frozen=True)
 class Objective:
-    """The measure whose best value is searched.
+    """Measure whose best value a tuning seeks.
 
-    The loss of a trial is the mean over the scenarios: of the negative log-likelihood of a measurement, and of an error
-    the logarithm of its ratio to the start's.
+    The loss of a trial is a mean over scenarios. For the likelihood it is the mean negative log-likelihood of a
+    measurement; for an error, the mean logarithm of its ratio to the start's error.
     """
 
     name: str
     measure: str
-    """Measure by which start and tuned values are compared first."""
+    """Name of the measure by which start and tuned values are compared first."""
     metric: Metric | None = None
-    """Metric of the measure, if it is not summed in any case."""
+    """Metric of the measure; None for a measure that every trial sums."""
 
     @property
     def better(self) -> Direction | None:
-        """Direction in which the measure gets better."""
+        """Direction in which the measure improves."""
         return (self.metric or MEASURES[self.measure]).better
 
     @property
     def meaning(self) -> str:
-        """Half a sentence: "smallest position RMSE"."""
+        """Objective as part of a sentence: "smallest position RMSE"."""
         return f"{'smallest' if self.better == 'smaller' else 'largest'} {WORDS[self.measure]}"
 
     def __call__(self, outcomes: Sequence[TrialOutcome], start: Sequence[Sums]) -> float | str:
-        """Return the loss of a trial; in words why it does not count."""
+        """Return the loss of a trial from its outcomes and the start's sums by scenario; text if the trial failed."""
         values = []
-        for outcome, other in zip(outcomes, start, strict=True):
+        for outcome, start_sums in zip(outcomes, start, strict=True):
             if outcome.sums is None:
                 return outcome.failed
-            lacking = outcome.sums.lacking(other, self.measure)
-            if lacking is not None:
-                return lacking
+            problem = outcome.sums.lacking(start_sums, self.measure)
+            if problem is not None:
+                return problem
             values.append(outcome.sums.value(self.measure))
         if self.measure != "log_likelihood":
             with np.errstate(divide="ignore", invalid="ignore"):
-                values = np.log(np.divide(values, [other.value(self.measure) for other in start])).tolist()
+                values = np.log(np.divide(values, [start_sums.value(self.measure) for start_sums in start])).tolist()
         loss = float(np.mean(values)) * (1.0 if self.better == "smaller" else -1.0)
         return loss if math.isfinite(loss) else "its value is not finite"
 
 
 def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
-    """Return the objective of a name; unless given, T-GOSPA where there is one, and else the likelihood.
+    """Return the objective of a name; for None T-GOSPA if all scenarios have it, else the likelihood.
 
     Raises:
-        InputError: a scenario does not have it; with those that all have.
+        InputError: a scenario lacks the objective; the message names objectives that all have.
     """
     first, *others = map(_objectives, scenarios)
     common = {key: item for key, item in first.items() if all(key in other for other in others)}
@@ -74,16 +74,16 @@ def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
 
 
 def _objectives(scenario: Scenario) -> dict[str, Objective]:
-    """Return the likelihood and the metrics of one value with a direction, by name; without a truth, the likelihood.
+    """Return the objectives of a scenario by name: metrics with one value and a direction, and the likelihood.
 
-    The detections of hidden identities whose truth is known have no likelihood.
+    Without a ground truth there is the likelihood alone; with hidden identities and a ground truth there is none.
     """
     likelihood = {"likelihood": Objective("likelihood", "log_likelihood")}
     if "truth" not in scenario.config.properties:
         return likelihood
     metrics = (*metrics_for(scenario.config.properties), *scenario.config.score.metrics)
     return ({} if scenario.config.sensing.identities == "hidden" else likelihood) | {
-        # Metrics of tracks, and some errors, are summed in any case.
+        # Every trial sums the metrics of tracks and some errors.
         item.name: Objective(
             item.name, item.name, None if MEASURES.get(item.name) is item or item.name in OF_ALL else item
         )

@@ -1,4 +1,4 @@
-"""The report of a tuning: its verdict in sentences, and the document."""
+"""The report of a tuning: its verdict, tables and figures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trackbench.subjects.tuning.tune import Tuning
 
 Tone = Literal["good", "warn", "bad"]
 
-#: By verdict on the tuned values, what is said of them and how good it is.
+#: Sentence and tone of each verdict on the tuned values.
 _VERDICTS: dict[str, tuple[str, Tone]] = {
     "better": ("better than the start", "good"),
     "worse": ("worse than the start", "bad"),
@@ -28,16 +28,16 @@ _VERDICTS: dict[str, tuple[str, Tone]] = {
 
 
 def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
-    """Return the verdict on the tuned values, in a line, and how good it is."""
+    """Return the verdict on the tuned values in one line, and its tone."""
     compared = tuning.held_out.of(tuning.objective.measure)
     if not compared:
         return tuning.held_out.failed or "nothing to compare", "bad"
-    values, verdicts = _values(compared), [item.verdict for item in compared]
+    values, verdicts = _main_values(compared), [item.verdict for item in compared]
     errors = tuning.held_out.of("position_rmse")
     if errors and tuning.objective.measure == "log_likelihood":
-        values = f"{_values(errors)}; {values}"
+        values = f"{_main_values(errors)}; {values}"
     if tuning.best.values == tuning.start:
-        return f"{values}: the start's values are the best that were found", "good"
+        return f"{values}: the start's values are the best of all that were tried", "good"
     if not any(tuning.apart):
         why = "nothing could be held out; a second log in truth.path would tell whether the values hold"
         return f"{values} on the measurements that it was tuned on: {why}", "warn"
@@ -49,8 +49,8 @@ def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
     return f"{values}: of {len(verdicts)} scenarios {counts}", tone
 
 
-def _values(compared: list[MeasureComparison]) -> str:
-    """Return start and tuned of the main measure; over several scenarios, its mean change."""
+def _main_values(compared: list[MeasureComparison]) -> str:
+    """Return start and tuned value of a measure as text; its mean change over several scenarios."""
     start, tuned = ([getattr(item, which).value for item in compared] for which in ("start", "tuned"))
     word = WORDS[compared[0].measure]
     if compared[0].measure == "log_likelihood":
@@ -63,7 +63,7 @@ def _values(compared: list[MeasureComparison]) -> str:
 
 
 def _pair(tuned: float, start: float, unit: str = "") -> str:
-    """Return two values with the same decimals, at most four: the smaller one has four digits."""
+    """Return two values with equal decimals, at most four, so that the smaller value has four digits."""
     least = min((abs(value) for value in (tuned, start) if value), default=1.0)
     places = min(4, max(0, 3 - math.floor(math.log10(least))))
     return f"{rounded(start, places)} -> {rounded(tuned, places)}{unit}"
@@ -74,7 +74,7 @@ def _percent(change: float) -> str:
 
 
 def remarks(tuning: Tuning) -> Iterator[str]:
-    """Yield what else should be known of the values."""
+    """Yield sentences on values at the edge of their range, and on failed trials."""
     for parameter, edge in tuning.edges:
         side = "smallest" if edge == parameter.low else "largest"
         yield (
@@ -95,23 +95,18 @@ _METHOD = (
 
 
 def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
-    """Return the whole report.
-
-    Args:
-        tunings: one of each tracker.
-        command: repeats them.
-    """
+    """Return the report of the tunings, one for each tracker; ``command`` repeats them."""
     method = Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh")))
     return _document(tunings, [*_answer(tunings, _page), method])
 
 
 def tuning_summary(tunings: Sequence[Tuning]) -> Document:
-    """Return what a terminal shows: the values, and whether they are better."""
+    """Return the summary for the terminal: the values, and whether they are better."""
     return _document(tunings, _answer(tunings, _tables))
 
 
 def _answer(tunings: Sequence[Tuning], page: Callable[[Tuning, str], Iterator[Block]]) -> list[Block]:
-    """Return the verdict on each tracker, then the page of each."""
+    """Return the verdict on each tracker, followed by the page of each."""
     heads = [tuning_headline(item) for item in tunings]
     if len(tunings) == 1:
         return [Status(*heads[0]), *page(tunings[0], "")]
@@ -145,7 +140,7 @@ def _page(item: Tuning, name: str) -> Iterator[Block]:
 
 
 def _split(item: Tuning) -> Block:
-    """Return on what the tracker was tuned and tried, by scenario."""
+    """Return a list of the scenes and runs for tuning and for the test, by scenario."""
     rows = []
     for number, scenario in enumerate(item.scenarios):
         trained = f"{counted(item.train_scenes[number], 'scene')} of {counted(item.train_runs[number], 'run')}"

@@ -1,4 +1,4 @@
-"""The search for the best values: Optuna proposes them and keeps the trials."""
+"""The search for the best values: Optuna proposes values and stores the trials."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     import optuna
     from optuna.distributions import BaseDistribution
 
-#: Name of the attribute that holds the values of a trial.
+#: Name of the Optuna attribute with the values of a trial.
 ATTRIBUTE = "tuning"
-#: Significant digits of the start's results: fewer than the last bits, in which processors differ.
+#: Significant digits of the start's results in the name of a study, since the last bits differ between processors.
 DIGITS = 6
-#: Trials that are made between two looks at what was found.
+#: Number of trials that are proposed at once, before Optuna sees their losses.
 BATCH = 6
 
 
 def require_optuna() -> None:
-    """Make sure that Optuna is installed.
+    """Refuse to tune without Optuna.
 
     Raises:
-        InputError: it is not; with the name of what installs it.
+        InputError: Optuna is not installed; the message has the command that installs it.
     """
     try:
         import optuna  # noqa: F401
@@ -45,7 +45,7 @@ def require_optuna() -> None:
 
 
 def usual_trials(parameters: Sequence[Parameter]) -> int:
-    """Return how many trials are made unless the user says."""
+    """Return the number of trials that is usual for some parameters."""
     return 20 + 40 * len(parameters)
 
 
@@ -55,12 +55,12 @@ def study_name(
     """Return the name of the study of a tracker: equal for searches that make the same trials.
 
     Args:
-        tracker: its name.
-        objective: name of what it is tuned for.
-        parameters: what is tuned.
-        seed: of the search.
-        train: the scenarios.
-        start: what the tracker gives before it is tuned, by scenario; it tells of a changed log, plug-in or program.
+        tracker: name of the tracker.
+        objective: name of the objective.
+        parameters: options to tune.
+        seed: seed of the search.
+        train: scenarios for tuning.
+        start: sums of the start values by scenario, which reveal a changed log, plug-in or program.
     """
     settings: list[Any] = [objective, seed, [item.as_json() for item in parameters]]
     for bench, sums in zip(train, start, strict=True):
@@ -80,9 +80,9 @@ class Study:
     """The trials of one tracker.
 
     Args:
-        name: of the study.
-        storage: an SQLite file; None keeps the trials in memory.
-        parameters: what is tuned.
+        name: name of the study.
+        storage: SQLite file; None keeps the trials in memory.
+        parameters: options to tune.
 
     Raises:
         InputError: the file cannot keep a study.
@@ -111,42 +111,42 @@ class Study:
         count: int,
         seed: int,
     ) -> None:
-        """Make trials until the study has so many; those that it has already are not made again.
+        """Make trials until the study has ``count``; stored trials are not made again.
 
         What a batch proposes depends on the trials before it and the seed, not on when the search was interrupted.
 
         Args:
-            start: values that the search begins with; None begins with a random one.
-            make: makes trials of values.
-            count: of trials.
-            seed: of what is drawn.
+            start: values of the first trial; None for random values.
+            make: makes the trials of some values.
+            count: number of trials.
+            seed: seed of the random proposals.
         """
         first, size = 0, 4 + 6 * len(self._parameters)
         while first < count:
             size, made = min(size, count - first), len(self._stored())
             if made < first + size:
-                values = self._proposed(first, size, seed)
+                values = self._propose(first, size, seed)
                 if first == 0 and start is not None:
                     values = [dict(start), *values[:-1]]
                 for trial in make(values[max(0, made - first) :]):
-                    # A trial is in the study whole, or not at all.
+                    # Only a finished trial is stored, so that an interruption leaves no half trial.
                     self._study.add_trial(self._frozen(trial))
             first, size = first + size, BATCH
 
-    def _proposed(self, first: int, size: int, seed: int) -> list[dict[str, Any]]:
-        """Return scrambled Sobol points at first, then those of the tree-structured Parzen estimator."""
+    def _propose(self, first: int, size: int, seed: int) -> list[dict[str, Any]]:
+        """Return scrambled Sobol points for the first batch, later proposals of a tree-structured Parzen estimator."""
         import optuna
 
-        drawn = int(np.random.SeedSequence([seed, first]).generate_state(1)[0])
+        sampler_seed = int(np.random.SeedSequence([seed, first]).generate_state(1)[0])
         with _without_warnings():
             sampler: optuna.samplers.BaseSampler
             if first == 0:
-                sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=drawn)
+                sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=sampler_seed)
             else:
                 sampler = optuna.samplers.TPESampler(
-                    seed=drawn, multivariate=True, constant_liar=True, n_startup_trials=5
+                    seed=sampler_seed, multivariate=True, constant_liar=True, n_startup_trials=5
                 )
-            # A study in memory: proposals that were not tried leave nothing in the file.
+            # A study in memory, so that proposals that are never tried leave no trace in the file.
             study = optuna.create_study(sampler=sampler)
             study.add_trials(self._stored()[:first])
             return [self._values(study.ask(self._distributions).params) for _ in range(size)]
@@ -181,7 +181,7 @@ def _distribution(item: Parameter) -> BaseDistribution:
 
 
 def _param(item: Parameter, value: Any) -> Any:
-    """Return what Optuna draws for a value: the text of a choice, the odds of a probability, else the value."""
+    """Return a value as Optuna's parameter: the text of a choice, the odds of a probability, else the number."""
     if item.scale == "choice":
         return json.dumps(value)
     return value / (1.0 - value) if item.scale == "odds" else value
@@ -197,7 +197,7 @@ def _value(item: Parameter, param: Any) -> Any:
 
 @contextmanager
 def _without_warnings() -> Iterator[None]:
-    """Silence Optuna's warnings that parts of it are new."""
+    """Silence Optuna's warnings about experimental features."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
@@ -214,7 +214,7 @@ def _open(name: str, storage: Path | None) -> optuna.Study:
         with _without_warnings():
             return optuna.create_study(
                 study_name=name,
-                # Without a pool a connection is closed after each use: a study has no end at which to close it.
+                # Without a pool each connection is closed after use; a study has no end at which to close a pool.
                 storage=optuna.storages.RDBStorage(f"sqlite:///{storage}", engine_kwargs={"poolclass": NullPool}),
                 load_if_exists=True,
             )

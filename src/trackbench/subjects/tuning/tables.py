@@ -15,7 +15,7 @@ NONE = "-"
 
 
 def values_table(item: Tuning, name: str = "") -> Table:
-    """Return the table of options: their start, tuned value and range."""
+    """Return the table of options with their start value, tuned value and range."""
     keys = [parameter.key for parameter in item.parameters]
     at_edge = {parameter.key for parameter, _ in item.edges}
     best = [
@@ -25,20 +25,20 @@ def values_table(item: Tuning, name: str = "") -> Table:
         (Column("option", left=True), [Cell(key) for key in keys]),
         (Column("start"), [Cell(NONE if item.start[key] is None else option_text(item.start[key])) for key in keys]),
         (Column("tuned"), best),
-        (Column("tried"), [Cell(_tried(parameter)) for parameter in item.parameters]),
+        (Column("tried"), [Cell(_range_text(parameter)) for parameter in item.parameters]),
     ]
     return Table.of_columns(f"{name}values", columns)
 
 
 def held_out_table(item: Tuning, name: str = "") -> Table:
-    """Return the table of start against tuned values on what they were not tuned on, by measure and scenario."""
+    """Return the table that compares start and tuned values on held-out measurements, by measure and scenario."""
     measures = dict.fromkeys([item.objective.measure, *WORDS])
     rows = [comparison for measure in measures for comparison in item.held_out.of(measure)]
     columns = [
-        (Column("measure", left=True), [Cell(_label(row)) for row in rows]),
+        (Column("measure", left=True), [Cell(_measure_with_unit(row)) for row in rows]),
         *([(Column("scenario", left=True), [Cell(row.scenario) for row in rows])] if len(item.scenarios) > 1 else []),
-        (Column("start"), [Cell(rounded(row.start.value, _places(row))) for row in rows]),
-        (Column("tuned"), [Cell(rounded(row.tuned.value, _places(row))) for row in rows]),
+        (Column("start"), [Cell(rounded(row.start.value, _decimals(row))) for row in rows]),
+        (Column("tuned"), [Cell(rounded(row.tuned.value, _decimals(row))) for row in rows]),
         (Column("difference", "With its 95 % interval, from the same runs."), [_difference(row) for row in rows]),
         (
             Column("verdict", left=True),
@@ -49,22 +49,20 @@ def held_out_table(item: Tuning, name: str = "") -> Table:
     return Table.of_columns(f"{name}held-out", columns, f"On {others or 'the measurements that it was tuned on'}")
 
 
-def _tried(parameter: Parameter) -> str:
+def _range_text(parameter: Parameter) -> str:
     if parameter.scale == "choice":
         return ", ".join(option_text(choice) for choice in parameter.choices)
     return f"{option_text(parameter.low)} to {option_text(parameter.high)}"
 
 
-def _label(row: MeasureComparison) -> str:
-    """Return the measure of a comparison, with its unit."""
+def _measure_with_unit(row: MeasureComparison) -> str:
     return f"{WORDS[row.measure]}{f', {row.unit}' if row.unit else ''}"
 
 
-def _places(row: MeasureComparison) -> int:
-    """Return the number of decimals of a comparison."""
+def _decimals(row: MeasureComparison) -> int:
     return decimals([row.start.value, row.tuned.value], 4)
 
 
 def _difference(row: MeasureComparison) -> Cell:
     ends = row.difference.ci95
-    return Cell(signed(row.difference.value, _places(row)), (interval_text(ends, _places(row)),) if ends else ())
+    return Cell(signed(row.difference.value, _decimals(row)), (interval_text(ends, _decimals(row)),) if ends else ())

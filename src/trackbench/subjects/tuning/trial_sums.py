@@ -1,4 +1,4 @@
-"""Sums of a trial of a tracker of labelled objects: its errors, and the log-likelihoods of its innovations."""
+"""The sums of a trial with known identities: errors, and log-likelihoods of innovations."""
 
 from __future__ import annotations
 
@@ -11,37 +11,33 @@ from trackbench.metrics.protocol import Chunk, Innovation, Metric, Scope
 from trackbench.metrics.sums import SHORTEST, STRETCHES, stretch_numbers
 from trackbench.subjects.tuning.measures import OF_ALL
 
-#: Shortest time at the beginning of a stretch that counts neither for tuning nor for trying, s.
+#: Shortest time at the beginning of a stretch that is scored neither for tuning nor for the test, s.
 GAP = 1.0
-#: By sensor, where a tracker gives an innovation, ``(scans, objects * runs)``.
-#: Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is
-#: a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the true
-#: values.
+#: Where a tracker gives an innovation, ``(scans, objects * runs)`` by sensor.
+#: A filter decides before the measurement whether it gives an innovation. The likelihood of these innovations is
+#: therefore a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)), whose expectation is largest at
+#: the true values.
 Availability = dict[str, Mask]
 
 
 class LogTime(NamedTuple):
-    """The stretches of time of a single run that are scored, each by itself.
+    """Division of a single run into stretches of time that are scored separately.
 
-    Held-out stretches alternate with those that are tuned on, so that both have whatever the log has at all times.
+    Stretches for tuning and for the test alternate, so that both see all conditions of the log.
     """
 
     gap: float
-    """At the beginning of each stretch, s: as long as a track needs to settle."""
+    """Unscored time at the beginning of each stretch, s: the time that a track needs to settle."""
     held_out: bool | None = None
-    """Whether it is the stretches that are held out, or those that are tuned on; None: the whole log."""
+    """True scores the held-out stretches, False the stretches for tuning, None the whole log."""
 
     @property
     def shortest(self) -> float:
-        """Shortest duration of a log of which a part can be held out, s."""
+        """Shortest duration of a log that can be divided into tuning and test, s."""
         return 2 * (SHORTEST + self.gap)
 
     def stretch(self, time: Array) -> Indices:
-        """Return the number of the stretch of each instant ``(instants,)``, -1 where it does not count.
-
-        Args:
-            time: ``(instants,)`` s.
-        """
+        """Return the stretch number of each instant ``(instants,)``, -1 where it is not scored; ``time`` in s."""
         duration = float(time[-1] - time[0])
         if self.held_out is None:
             return stretch_numbers(len(time), duration)
@@ -53,13 +49,13 @@ class LogTime(NamedTuple):
 
 
 class TrialSums(Metric):
-    """Total and number of the terms of each measure of a trial; not a metric of a result."""
+    """Accumulator of the total and number of each measure's terms in a trial; not a metric of a result."""
 
     name, unit, meaning, of_density = "trial", "1", "sums of a trial", True
     log_time: Any = None
-    """``LogTime`` of a single run, each of whose stretches is summed in place of the run; None for whole runs."""
+    """``LogTime`` that divides a single run into stretches, each with its own sums; None to sum whole runs."""
     counted: Any = None
-    """``Availability`` of the start, whose innovations alone are summed; None for all innovations."""
+    """``Availability`` of the start; only innovations that the start gives are summed. None sums all innovations."""
 
     def init(self, scope: Scope) -> _Summing:
         stretch = None if self.log_time is None else self.log_time.stretch(scope.labelled.time)
@@ -70,7 +66,7 @@ class TrialSums(Metric):
         return sums
 
     def close(self, sums: _Summing) -> tuple[dict[str, Array], Availability]:
-        """Return ``(2, runs or stretches)`` total and number by measure, and the innovations that were summed."""
+        """Return total and number ``(2, runs or stretches)`` by measure, and which innovations were summed."""
         return sums.values, {sensor: np.array(rows) for sensor, rows in sums.available.items()}
 
     def finish(self, sums: Any) -> None:
@@ -78,7 +74,7 @@ class TrialSums(Metric):
 
 
 class _Summing:
-    """The sums of a block that is under way."""
+    """Sums of a block while its scans are processed."""
 
     def __init__(self, scope: Scope, stretch: Indices | None, counted: Availability | None) -> None:
         self._shape = scope.labelled.alive.shape[1], scope.runs
@@ -88,11 +84,11 @@ class _Summing:
         self.available: dict[str, list[Mask]] = {sensor: [] for sensor in scope.measurements}
 
     def add(self, chunk: Chunk) -> None:
-        """Add the errors of some instants; a missing estimate is charged as in a run, and has no NEES."""
-        here, scored = chunk.instants, chunk.scored
-        self._add("position_rmse", here, chunk.squares[0], scored)
-        self._add("velocity_rmse", here, chunk.squares[1], scored)
-        self._add("nees", here, chunk.nees, scored & chunk.given)
+        """Add the errors of some instants; a missing estimate adds an error, as in a run, but no NEES."""
+        instants, scored = chunk.instants, chunk.scored
+        self._add("position_rmse", instants, chunk.squares[0], scored)
+        self._add("velocity_rmse", instants, chunk.squares[1], scored)
+        self._add("nees", instants, chunk.nees, scored & chunk.given)
         for sensor, innovations in chunk.innovations.items():
             for innovation in innovations:
                 self._add_innovation(innovation, sensor)
@@ -108,12 +104,11 @@ class _Summing:
         rows.append(summed)
         self._add("log_likelihood", slice(instant, instant + 1), density[None], summed[None])
 
-    def _add(self, name: str, here: slice, values: Array, where: Mask) -> None:
-        """Add values ``(instants, batch)``."""
+    def _add(self, name: str, instants: slice, values: Array, where: Mask) -> None:
         for total, terms in zip(self.values[name], (np.where(where, values, 0.0), where), strict=True):
             per_instant = terms.reshape(-1, *self._shape).sum(axis=1)
             if self._stretch is None:
                 total += per_instant.sum(axis=0)
             else:
-                stretch = self._stretch[here]
+                stretch = self._stretch[instants]
                 np.add.at(total, stretch[stretch >= 0], per_instant[stretch >= 0, 0])

@@ -1,4 +1,4 @@
-"""The trials of a tuning: values that were tried, and their loss."""
+"""The trials of a tuning."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import Any
 
 @dataclass(frozen=True)
 class TuningTrial:
-    """Values that were tried, and their loss."""
+    """Trial of a tuning: values of the options, and their loss."""
 
     values: Mapping[str, Any]
     loss: float = math.inf
-    """Infinite where the trial failed."""
+    """Loss, smaller is better; infinite where the trial failed."""
     failed: str = ""
-    """Reason of a failure."""
+    """Reason of a failure; empty where there is none."""
 
     @classmethod
     def of(cls, values: Mapping[str, Any], loss: float | str) -> TuningTrial:
-        """Return the trial of some values, from its loss or the reason of its failure."""
+        """Return a trial from its values, and its loss or the reason of its failure."""
         return cls(dict(values), failed=loss) if isinstance(loss, str) else cls(dict(values), loss)
 
 
 def best_trial(trials: Sequence[TuningTrial]) -> TuningTrial | None:
-    """Return the first of the trials with the smallest loss; None where all failed."""
+    """Return the trial with the smallest loss, the first of equals; None where all failed."""
     return min((trial for trial in trials if not trial.failed), key=lambda trial: trial.loss, default=None)

@@ -1,4 +1,4 @@
-"""Tunes one tracker: the search on some scenes and noise, and the proof on others."""
+"""The tuning of one tracker: the search on some scenes and noise, and the test on others."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from trackbench.subjects.tuning.trials import TuningTrial, best_trial
 
 @dataclass(frozen=True, kw_only=True)
 class TuningTask:
-    """The tuning of one tracker."""
+    """Task of tuning one tracker."""
 
     tracker: str
     objective: Objective
     parameters: tuple[Parameter, ...]
     start: dict[str, Any]
-    """Values of the scenario; None where one is not in its range."""
+    """Values of the options in the scenario; None where a value is outside its range."""
     count: int
     """Number of trials."""
     seed: int = 0
@@ -43,22 +43,22 @@ class TuningTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Tuning(TuningTask):
-    """Tuned values of one tracker, and their proof."""
+    """Tuned values of one tracker, and their test on held-out scenes or noise."""
 
     scenarios: tuple[str, ...]
     best: TuningTrial
     trials: tuple[TuningTrial, ...]
     held_out: HeldOut
     apart: tuple[str, ...]
-    """Difference of what is tried on from what is tuned on, in words, by scenario; empty where there is none."""
+    """Difference of test and tuning measurements in words, by scenario; empty where there is none."""
     train_scenes: tuple[int, ...]
     train_runs: tuple[int, ...]
     engine: ComputedBy | None
-    """What computed a built-in tracker; None for any other."""
+    """Engine that computed a built-in tracker; None for any other tracker."""
 
     @property
     def edges(self) -> list[tuple[Parameter, float]]:
-        """Parameters whose best value is at an end of a range that could be wider, with the end."""
+        """Parameters whose tuned value lies at an end of the range, with that end."""
         edges = [(item, item.edge(self.best.values[item.key])) for item in self.parameters]
         return [(item, edge) for item, edge in edges if edge is not None]
 
@@ -71,25 +71,24 @@ def tune_tracker(
     engine: EngineName = "auto",
     progress: NotedProgress = no_progress,
 ) -> Tuning:
-    """Search the best values on some scenes and noise, and compare them with the start's on others.
+    """Search the best values on some scenes and noise, and compare them with the start on other scenes and noise.
 
     Args:
-        task: what is tuned, and for what.
-        benches: what to tune on, what to try on, and what tells the two apart, by scenario.
-        executor: makes the trials.
+        task: tracker, options and objective.
+        benches: bench for tuning, bench for the test, and their difference in words, by scenario.
+        executor: makes the trials, in this process or others.
         isolation: how a tracker that is not built in is kept apart.
-        engine: what computes.
-        progress: called with the number of trials made and of all.
+        engine: ``auto``, ``numpy`` or ``fused``.
+        progress: called with the number of finished trials, the number of all trials and a note.
 
     Raises:
-        InputError: the tracker fails before it is tuned, does not give what the objective needs, or the storage does
-            not fit.
+        InputError: the tracker fails with its start values, the objective has no value, or the storage is unusable.
     """
     objective, total = task.objective, task.count
-    wanted = objective.metric, objective.measure
+    measured = objective.metric, objective.measure
     train, test, apart = zip(*benches, strict=True)
-    evaluator = Evaluator(train, task.tracker, executor, isolation, engine, total, *wanted)
-    start = _start(evaluator, objective)
+    evaluator = Evaluator(train, task.tracker, executor, isolation, engine, total, *measured)
+    start = _start_sums(evaluator, objective)
     used = evaluator.engine_used
     if used is not None:
         log_left_to_numpy("tuning", task.tracker, used)
@@ -110,7 +109,7 @@ def tune_tracker(
         raise InputError(f"{task.tracker}: every trial failed; the first: {made[0].failed}", key="--range")
 
     progress(total, total, "now on what is held out")
-    held_out = Evaluator(test, task.tracker, executor, isolation, evaluator.engine, 1, *wanted)
+    held_out = Evaluator(test, task.tracker, executor, isolation, evaluator.engine, 1, *measured)
     return Tuning(
         **vars(task),
         scenarios=tuple(bench.name for bench in train),
@@ -124,11 +123,11 @@ def tune_tracker(
     )
 
 
-def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
-    """Return the sums of the tracker before it is tuned, by scenario.
+def _start_sums(evaluator: Evaluator, objective: Objective) -> list[Sums]:
+    """Return the sums of the tracker with its start values, by scenario.
 
     Raises:
-        InputError: it fails, or does not give what the objective needs.
+        InputError: the tracker fails, or does not give what the objective needs.
     """
     sums = []
     for bench, outcome in zip(evaluator.benches, evaluator.start, strict=True):
@@ -139,9 +138,9 @@ def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
             if objective.name != "likelihood":
                 problem = f"{where} has no {objective.measure}: nothing is scored"
             elif bench.hidden:
-                problem = f"{where} does not predict its detections, of which predictions the likelihood is"
+                problem = f"{where} does not predict its detections, so that there is no likelihood"
             else:
-                problem = f"{where} gives no innovations, of which the likelihood is; choose position_rmse"
+                problem = f"{where} gives no innovations, so that there is no likelihood; choose position_rmse"
             raise InputError(problem, key="--objective")
         sums.append(outcome.sums)
     return sums
