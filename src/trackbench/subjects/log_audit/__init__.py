@@ -1,4 +1,8 @@
-"""What is wrong with a log: its sensors, clocks and truth, estimated from the log alone."""
+"""Audits of recorded logs: faults of sensors, clocks and ground truth, estimated from the log alone.
+
+A scenario with recorded truth and measurements comes in; findings, and the scenario with their corrections, go out.
+Read ``audit.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

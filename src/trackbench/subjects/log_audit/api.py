@@ -1,4 +1,4 @@
-"""The audit of a log as a call, and its JSON values."""
+"""The call ``trackbench.audit``, and the audit's JSON values and files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SCHEMA_VERSION = 1
 
 
 def audit_content(audit: LogAudit) -> dict[str, Any]:
-    """Return all that was found, in SI units and radians; null where there is no number."""
+    """Return all results of an audit for JSON, in SI units and radians; null where there is no number."""
     content = {
         "schema_version": SCHEMA_VERSION,
         "scenario": audit.name,
@@ -67,7 +67,7 @@ def _sensor(item: SensorAudit) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: fields by name, intervals with their bounds, null for NaN and infinity."""
+    """Return a value for JSON: fields by name, intervals with their bounds, null for NaN and infinity."""
     if isinstance(value, BlockInterval):
         return _plain({"value": value.value, "ci95": value.bounds()})
     if is_dataclass(value):
@@ -81,42 +81,42 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-#: The file by which the folder of an audit is known.
+#: File that marks a folder as an audit's.
 AUDIT = "audit.json"
 
 
 class ReportableAudit(LogAudit):
-    """What is wrong with a log. A notebook shows it as a page, ``print`` as text."""
+    """Audit of a log. A notebook shows it as a page, ``print`` as text."""
 
     def json(self) -> dict[str, Any]:
-        """All that was found, as in ``audit.json``."""
+        """Return all results, as in ``audit.json``."""
         return audit_content(self)
 
     def report(self) -> Report:
-        """The report, as ``trackbench audit`` writes it."""
+        """Return the report that ``trackbench audit`` writes."""
         return Report(log_audit_document(self))
 
     def save(self, folder: Path | str) -> list[str]:
-        """Write the report, the numbers, and the scenario with the findings put in; return the names of the files.
+        """Write the report, the numbers and the corrected scenario; return the names of the files.
 
-        The scenario is left out while :attr:`unexplained` says that it is of no use.
+        The scenario is left out where :attr:`unexplained` has a reason against its use.
 
         Raises:
-            TrackbenchError: the folder cannot be written, or holds something else.
+            TrackbenchError: the folder cannot be written, or has other contents.
         """
-        place, document = Path(folder), log_audit_document(self)
+        path, document = Path(folder), log_audit_document(self)
         files: dict[str, Callable[[Path], object]] = {
             AUDIT: partial(results.write_file, results.json_text(self.json())),
             "report.html": partial(results.write_file, to_html(document)),
             "report.md": partial(results.write_file, to_markdown(document)),
         }
         if not self.unexplained:
-            scenario = corrected(self.scenario, self.findings, place)
+            scenario = corrected(self.scenario, self.findings, path)
             files["scenario.yaml"] = partial(results.write_file, scenario)
-            # Trackers are looked for beside the scenario that names them.
+            # A scenario's plug-in modules must lie beside it.
             for module in own_modules(self.scenario):
                 files[module.name] = partial(shutil.copyfile, module)
-        results.save_files(files, place, AUDIT)
+        results.save_files(files, path, AUDIT)
         return list(files)
 
     def __repr__(self) -> str:
@@ -136,9 +136,9 @@ def audit(
     """Find what is wrong with a log: biases, noise, time offsets, mounts, units, missing detections, clocks, truth.
 
     Args:
-        scenario: what :func:`load` gave or takes, whose truth is recorded with measurements of at least one sensor.
-        out: the folder of the report and of the scenario with the findings put in; nothing is written unless given.
-        progress: called with the number of sensors done and of all.
+        scenario: scenario, loaded or by its path or name, with recorded truth and recorded measurements.
+        out: folder for the report and the corrected scenario; None writes nothing.
+        progress: called with the number of finished sensors and of all sensors.
 
     Raises:
         InputError: the scenario has no recorded measurements, or a file is damaged.

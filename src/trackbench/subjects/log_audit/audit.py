@@ -1,4 +1,4 @@
-"""The audit of a log: every sensor, the clocks, the truth, and what follows for the scenario."""
+"""The audit of a log: its sensors, clocks and truth, and the corrected scenario."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ from trackbench.truth.sources import RecordingTruth
 
 
 def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | None = None) -> str:
-    """The scenario with the findings put in, as the text of a file in a folder.
+    """Return the text of the scenario with the corrections of the findings.
 
     Args:
-        loaded: the scenario that was audited.
-        findings: of the audit.
-        folder: the new file's; that of the scenario unless given. Relative paths lead from it to the same files.
+        loaded: scenario that was audited.
+        findings: findings of the audit.
+        folder: folder of the new file, to which relative paths are adapted; None for the scenario's own folder.
     """
     tree = copy.deepcopy(loaded.document.value)
     for finding in findings:
@@ -63,8 +63,8 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
 
 
-def pasted(loaded: Scenario, findings: Iterable[LogFinding]) -> str:
-    """The findings as a block of the scenario's YAML: whole sensors, and what else changes; empty without changes."""
+def yaml_to_paste(loaded: Scenario, findings: Iterable[LogFinding]) -> str:
+    """Return the changed keys as YAML to paste into the scenario, changed sensors whole; empty without changes."""
     tree, block = copy.deepcopy(loaded.document.value), dict[str, Any]()
     for key, value in [item for finding in findings for item in finding.changes.items()]:
         set_value(tree, key, value)
@@ -76,10 +76,10 @@ def pasted(loaded: Scenario, findings: Iterable[LogFinding]) -> str:
     return yaml.safe_dump(block, sort_keys=False, allow_unicode=True, width=78) if block else ""
 
 
-def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
-    """Audit one sensor by its measurements within the time of the truth and the times when it looked."""
+def audit_sensor(log: SensorLog, cycles: Cycles) -> SensorAudit:
+    """Audit one sensor by its measurements within the time of the truth, and by its scan cycles."""
     if len(log.log.time) < FEWEST_ROWS:
-        return SensorAudit(log, (), detection_shares(log, looked, {}))
+        return SensorAudit(log, (), detection_shares(log, cycles, {}))
     units = tuple(wrong_units(log))
     for wrong in units:
         factors = log.factors.copy()
@@ -87,19 +87,19 @@ def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
         log = replace(log, factors=factors)
     fit = joint_fit(log)
     if fit.inlier.sum() < FEWEST_ROWS:
-        return SensorAudit(log, units, detection_shares(log, looked, {}))
-    return SensorAudit(log, units, detection_shares(log, looked, fit.errors), fit, residual_noises(log, fit))
+        return SensorAudit(log, units, detection_shares(log, cycles, {}))
+    return SensorAudit(log, units, detection_shares(log, cycles, fit.errors), fit, residual_noises(log, fit))
 
 
-#: Median of the size of a normal error, in standard deviations.
+#: Median of the absolute value of a normal error, in standard deviations.
 MEDIAN_OF_NORMAL = 0.6745
-#: A sensor whose errors are typically more than this many times what the log states has a fault that was not found.
+#: Ratio of a sensor's typical error to the stated one above which it must have a fault that was not found.
 UNEXPLAINED = 10.0
 
 
 @dataclass(frozen=True)
 class LogAudit:
-    """What was found in a log."""
+    """Results of the audit of a log."""
 
     scenario: Scenario
     sensors: dict[str, SensorAudit]
@@ -110,17 +110,16 @@ class LogAudit:
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
         return self.scenario.config.name
 
     @property
     def changes(self) -> dict[str, Any]:
-        """All keys of the scenario that the findings change, with their new values."""
+        """Keys of the scenario that the findings change, with their new values."""
         return {key: value for finding in self.findings for key, value in finding.changes.items()}
 
     @property
     def unexplained(self) -> list[str]:
-        """Why the scenario with the findings put in is of no use yet, a sentence for each sensor; empty if it is."""
+        """Reasons why the corrected scenario is of no use, one sentence for each sensor; empty where it is of use."""
         elsewhere = [finding.sensor for finding in self.findings if finding.kind == "elsewhere"]
         reasons = [f"Most detections of {name} are not where the boxes are." for name in elsewhere]
         for name, item in self.sensors.items():
@@ -136,18 +135,18 @@ def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
 
     Args:
         loaded: a scenario whose truth is recorded, with measurements of at least one sensor.
-        progress: called with the number of sensors done and of all.
+        progress: called with the number of finished sensors and of all sensors.
 
     Raises:
-        InputError: the truth is not recorded, no sensor is, or a file is damaged.
+        InputError: the truth or every sensor is not recorded, or a file is damaged.
     """
-    # What is too large or too small to be computed gives no number, and that is said.
+    # A value that is too large or too small to compute becomes NaN, which the report shows.
     with np.errstate(all="ignore"):
-        recorded = _read(loaded)
-        return _with_squares(_audited(loaded, recorded, progress), recorded)
+        recorded = _read_recording(loaded)
+        return _with_squares(_audit_recording(loaded, recorded, progress), recorded)
 
 
-def _audited(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAudit:
+def _audit_recording(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAudit:
     truth, drive = recorded
     columns = truth.columns
     key = "vx" if columns is not None and columns.vx is not None else "speed"
@@ -156,36 +155,36 @@ def _audited(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAud
     checks = (velocity_check(name, motion, unit) for name, motion in bodies)
     velocities = [check for check in checks if check is not None]
     logs = sensor_logs(loaded, recorded)
-    of_truth = [*truth_findings(truth, velocities), *ego_findings(loaded, recorded, logs)]
-    units = [finding for finding in of_truth if finding.changes]
+    truth_faults = [*truth_findings(truth, velocities), *ego_findings(loaded, recorded, logs)]
+    units = [finding for finding in truth_faults if finding.changes]
     if units:
-        # Sensors are judged by the truth's velocity and the observer's heading, so those are put right first.
-        fixed = _with_findings(loaded, units)
-        audit = _audited(fixed, _read(fixed), progress)
+        # Sensors are compared with the truth's velocity and the observer's heading, which are corrected first.
+        fixed = _corrected_scenario(loaded, units)
+        audit = _audit_recording(fixed, _read_recording(fixed), progress)
         return replace(audit, scenario=loaded, velocities=tuple(velocities), findings=(*units, *audit.findings))
-    looked = scan_cycles(drive.clipped())
+    cycles = scan_cycles(drive.clipped())
     clocks = [clock_of("truth", np.concatenate([m.time for m in drive.motions.values()]), drive.order)]
     sensors: dict[str, SensorAudit] = {}
     for name, sensor in logs.items():
         progress(len(sensors), len(drive.logs))
         log = drive.logs[name]
         clocks.append(clock_of(name, log.scans, log.order, len(log.time) - len(sensor.log.time)))
-        sensors[name] = audit_sensor(sensor, looked[name])
+        sensors[name] = audit_sensor(sensor, cycles[name])
         if name in drive.detections:
             sensors[name] = replace(sensors[name], unlabelled=unlabelled_detections(sensor))
     progress(len(sensors), len(sensors))
     level = 1 - (1 - FAMILY) / max(1, sum(item.tests for item in sensors.values()))
     findings = [
-        *of_truth,
+        *truth_faults,
         *hole_findings(drive.motions),
-        *clock_findings(clocks, {name: cycles.period for name, cycles in looked.items()}),
+        *clock_findings(clocks, {name: item.period for name, item in cycles.items()}),
         *(finding for item in sensors.values() for finding in sensor_findings(item, level)),
     ]
     duration = max(float(m.time[-1]) for m in drive.motions.values())
     return LogAudit(loaded, sensors, tuple(clocks), tuple(velocities), tuple(findings), duration)
 
 
-def _read(loaded: Scenario) -> Recorded:
+def _read_recording(loaded: Scenario) -> Recorded:
     truth = own_source(loaded)
     if not isinstance(truth, RecordingTruth):
         message = "an audit holds recorded measurements against a recorded truth: truth: {source: recording, ...}"
@@ -201,8 +200,8 @@ def _read(loaded: Scenario) -> Recorded:
             raise InputError(message, key="truth.path")
         truth = truth.scenes()[0]
         drive = read_drive(truth, kinds, loaded.folder)
-        found = {name: with_boxes(name, loaded.config.sensors[name], drive, truth) for name in drive.detections}
-        drive = replace(drive, logs={**drive.logs, **found})
+        assigned = {name: with_boxes(name, loaded.config.sensors[name], drive, truth) for name in drive.detections}
+        drive = replace(drive, logs={**drive.logs, **assigned})
         if not drive.logs:
             message = "no sensor's measurements are recorded, so there is nothing to audit"
             raise InputError(message, key="truth.readings")
@@ -213,21 +212,21 @@ def _read(loaded: Scenario) -> Recorded:
 
 
 def _with_squares(audit: LogAudit, recorded: Recorded) -> LogAudit:
-    """Add the errors of the measurements before and after the findings are put in, as far as a sensor can be so."""
+    """Add each sensor's mean square error before and after the corrections; drop corrections that are invalid."""
     findings = audit.findings
-    if audit.changes and _refused(audit.scenario, findings):
-        none = "No sensor is so: look for what else is wrong with the log first."
+    if audit.changes and _is_refused(audit.scenario, findings):
+        no_fix = "No sensor is so: look for what else is wrong with the log first."
         findings = tuple(
-            replace(finding, changes={}, fix=none)
-            if finding.changes and _refused(audit.scenario, (finding,))
+            replace(finding, changes={}, fix=no_fix)
+            if finding.changes and _is_refused(audit.scenario, (finding,))
             else finding
             for finding in findings
         )
         audit = replace(audit, findings=findings)
     before = after = _squares(audit.scenario, recorded, audit.scenario)
     if audit.changes:
-        fixed = _with_findings(audit.scenario, findings)
-        after = _squares(fixed, _read(fixed), audit.scenario)
+        fixed = _corrected_scenario(audit.scenario, findings)
+        after = _squares(fixed, _read_recording(fixed), audit.scenario)
     sensors = {
         name: replace(
             item,
@@ -240,42 +239,38 @@ def _with_squares(audit: LogAudit, recorded: Recorded) -> LogAudit:
     return replace(audit, sensors=sensors)
 
 
-def _with_findings(loaded: Scenario, findings: Iterable[LogFinding]) -> Scenario:
+def _corrected_scenario(loaded: Scenario, findings: Iterable[LogFinding]) -> Scenario:
     return scenario_of(corrected(loaded, findings), loaded.path)
 
 
-def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
-    """Return whether the scenario with findings put in is not valid."""
+def _is_refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
     try:
-        _with_findings(loaded, findings)
+        _corrected_scenario(loaded, findings)
     except InputError:
         return True
     return False
 
 
 class Squares(NamedTuple):
-    """Squares of measurement minus truth over standard deviations."""
+    """Sizes of a sensor's errors, measurement minus truth, over standard deviations."""
 
     mean: float
-    """With the sigmas of the scenario that is read; 1 is right."""
+    """Mean square over the sigmas of the corrected scenario; 1 is right."""
     typical: float
-    """Root of the median of the worst component, with the sigmas as logged, over what it is of normal errors."""
+    """Root median square of the worst component over the sigmas as logged; 1 for normal errors of these sigmas."""
 
 
 def _squares(loaded: Scenario, recorded: Recorded, logged: Scenario) -> dict[str, Squares]:
-    """Return the squared errors of each sensor whose measurements are labelled.
-
-    Of unlabelled detections some that are near a box are false alarms.
-    """
+    """Return the error sizes of each sensor with labelled measurements; unlabelled ones may be false alarms."""
     squares = {}
     for name, sensor in sensor_logs(loaded, recorded).items():
         error, reference = sensor.residual({}) ** 2, sensor.reference_variance({})
-        new, stated = (
-            error / (np.array(each.config.sensors[name].sigmas())[:, None] ** 2 + reference)
-            for each in (loaded, logged)
+        square, logged_square = (
+            error / (np.array(scenario.config.sensors[name].sigmas())[:, None] ** 2 + reference)
+            for scenario in (loaded, logged)
         )
-        known = np.isfinite(new).all(axis=0)
+        known = np.isfinite(square).all(axis=0)
         if known.any() and name not in recorded[1].detections:
-            typical = np.sqrt(np.median(stated[:, known], axis=1).max()) / MEDIAN_OF_NORMAL
-            squares[name] = Squares(float(new[:, known].mean()), float(typical))
+            typical = np.sqrt(np.median(logged_square[:, known], axis=1).max()) / MEDIAN_OF_NORMAL
+            squares[name] = Squares(float(square[:, known].mean()), float(typical))
     return squares

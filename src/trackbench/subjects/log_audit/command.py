@@ -1,4 +1,4 @@
-"""``trackbench audit``"""
+"""The command ``trackbench audit``."""
 
 from __future__ import annotations
 

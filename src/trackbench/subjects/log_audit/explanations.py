@@ -1,4 +1,4 @@
-"""Which errors of a sensor a log shows, and which others would explain it equally well."""
+"""The errors of a sensor that a log shows, and other errors that would explain the log equally well."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from trackbench.subjects.log_audit.joint_fit import (
 )
 from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog
 
-#: A finding changes a measurement by at least this share of the standard deviation of its noise.
+#: Smallest effect of an error on a measurement that makes a finding, in standard deviations of its noise.
 EFFECT = 0.1
 
 
 def explanations(log: SensorLog, fit: JointFit, level: float) -> list[ErrorEstimate]:
     """Return the errors that a log shows.
 
-    First come the errors that differ from zero whatever all others are. Of the rest several may be so alike that each
-    hides the others: as long as one of them alone differs from zero, the one with the largest effect is added. A rival
-    explains the measurements in the place of an error, and leaves nothing significant for it.
+    Errors that differ from zero whatever all other errors are come first. The remaining errors may be so alike that
+    each hides the others. As long as one of them alone differs from zero, the one with the largest effect is added. A
+    rival explains the measurements in place of an error, which is then no longer significant.
 
     Args:
-        log: of the sensor.
-        fit: the joint fit of the log.
+        log: measurements of the sensor.
+        fit: joint fit of the log.
         level: probability with which an interval holds the true value.
     """
     problem = _Linearised(log, fit, level)
@@ -42,7 +42,7 @@ def explanations(log: SensorLog, fit: JointFit, level: float) -> list[ErrorEstim
     while True:
         hidden = {*shown, *(rival for item in shown.values() for rival in item.rivals)}
         single = {name: problem.interval([*shown], name) for name in problem.names if name not in hidden}
-        effects = {name: problem.effect(name, each) for name, each in single.items() if problem.matters(name, each)}
+        effects = {name: problem.effect(name, item) for name, item in single.items() if problem.matters(name, item)}
         if not effects:
             return list(shown.values())
         best = max(effects, key=effects.__getitem__)
@@ -51,7 +51,7 @@ def explanations(log: SensorLog, fit: JointFit, level: float) -> list[ErrorEstim
 
 
 class _Linearised:
-    """Every error of a sensor in the linear problem around the joint fit."""
+    """Linear least-squares problem of all errors of a sensor, around the joint fit."""
 
     def __init__(self, log: SensorLog, fit: JointFit, level: float) -> None:
         self.names = [name for name in log.errors if fit.unidentified.get(name) != ()]
@@ -64,28 +64,28 @@ class _Linearised:
         self._blocks, self._level = fit.blocks, level
         gram = np.einsum("pmr,qmr->pq", self._columns, self._columns)
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        self._alike, self._effects = gram / np.outer(size, size), size / np.sqrt(max(int(known.sum()), 1))
+        self._cosines, self._effects = gram / np.outer(size, size), size / np.sqrt(max(int(known.sum()), 1))
         bodies = [motion.length.max() for motion in log.drive.motions.values() if motion.length is not None]
         self._half_length = 0.5 * float(max([log.truth.length_m, *bodies]))
 
     def interval(self, others: Sequence[str], name: str) -> BlockInterval:
-        """Return the interval of an error that is estimated with others, all else zero; endless where they hide it."""
-        chosen = [self.names.index(each) for each in (*others, name)]
-        if explained_share(self._alike, chosen[-1], chosen[:-1])[1] < LEAST_INFORMATION:
+        """Return the interval of an error, estimated with only some other errors; unbounded where these hide it."""
+        chosen = [self.names.index(error) for error in (*others, name)]
+        if explained_share(self._cosines, chosen[-1], chosen[:-1])[1] < LEAST_INFORMATION:
             return BlockInterval(0.0, np.inf, 1)
         return block_intervals(self._columns[chosen], self._target, self._blocks)[-1]
 
     def effect(self, name: str, interval: BlockInterval) -> float:
-        """Return the RMS of what an error does to a measurement, in standard deviations of its noise."""
+        """Return the RMS change of a measurement by an error, in standard deviations of its noise."""
         return abs(interval.value) * float(self._effects[self.names.index(name)])
 
     def matters(self, name: str, interval: BlockInterval) -> bool:
-        """Return whether an error differs from zero, by enough, and can be meant: the point is on the body."""
+        """Return whether an error is significant, large enough and possible: a measured point must lie on the body."""
         is_possible = name != BODY_POINT or abs(interval.value) <= self._half_length
         return is_possible and self.effect(name, interval) >= EFFECT and interval.excludes(0.0, self._level)
 
     def rivals(self, name: str, others: Sequence[str]) -> dict[str, float]:
-        """Return the errors that explain the measurements in the place of one that is shown beside others."""
+        """Return the errors that could replace one error, shown beside others, each with its value."""
         result = {}
         for rival in self.names:
             if rival == name or rival in others:

@@ -1,4 +1,4 @@
-"""The figures of an audit of a log: noise and detections by range."""
+"""The figures of a log's audit: noise and detections by range."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _HEIGHT = 230.0
 
 
 def band_figures(item: SensorAudit) -> Iterator[Figure]:
-    """Noise and detections by range."""
+    """Yield a sensor's figures of noise by component and of detections, both by range."""
     for noise in item.noise:
-        yield _sigma(item, noise, f"sigma-{item.log.name}-{noise.name}".replace("_", "-"))
+        yield _sigma_figure(item, noise, f"sigma-{item.log.name}-{noise.name}".replace("_", "-"))
     if item.detections.bands:
         texts = (
             f"{item.log.name}: detections",
@@ -28,10 +28,10 @@ def band_figures(item: SensorAudit) -> Iterator[Figure]:
             f"Share of detections of {item.log.name} by range.",
         )
         name = f"detections-{item.log.name}".replace("_", "-")
-        yield _by_range(name, texts, "detected, %", item.detections.bands, 100.0, most=100.0)
+        yield _range_figure(name, texts, "detected, %", item.detections.bands, 100.0, most=100.0)
 
 
-def _sigma(item: SensorAudit, noise: ResidualNoise, name: str) -> Figure:
+def _sigma_figure(item: SensorAudit, noise: ResidualNoise, name: str) -> Figure:
     factor, unit = (180 / np.pi, "°") if noise.unit == "rad" else (1.0, noise.unit)
     component = noise.name.replace("_", " ")
     texts = (
@@ -40,10 +40,10 @@ def _sigma(item: SensorAudit, noise: ResidualNoise, name: str) -> Figure:
         "out, with 95 % intervals. Dashed: what the scenario states.",
         f"Standard deviation of {component} of {item.log.name} by range.",
     )
-    return _by_range(name, texts, f"sigma of {component}, {unit}", noise.bands, factor, noise.stated)
+    return _range_figure(name, texts, f"sigma of {component}, {unit}", noise.bands, factor, noise.stated)
 
 
-def _by_range(
+def _range_figure(
     name: str,
     texts: tuple[str, str, str],
     label: str,
@@ -52,7 +52,7 @@ def _by_range(
     stated: float | None = None,
     most: float = np.inf,
 ) -> Figure:
-    """A value by range with its intervals; ``texts``: title, caption and alternative."""
+    """Return a figure of a value by range with its intervals; ``texts`` are title, caption and alternative text."""
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel="range, m", ylabel=label)

@@ -1,4 +1,4 @@
-"""What was found in a log, in words and as changes to its scenario."""
+"""The findings of an audit, in words and as changes to the scenario."""
 
 from __future__ import annotations
 
@@ -11,79 +11,79 @@ import numpy as np
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.sensing.detections import stated_detection
 from trackbench.subjects.log_audit.explanations import explanations
-from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
+from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, solve_errors
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, Unlabelled, clock_drift
 from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog, WrongUnit
 from trackbench.truth.config.columns import COMPONENT_QUANTITIES
 
-#: A standard deviation is off if it is wrong by at least this factor.
+#: Smallest factor between estimated and stated standard deviation that makes a finding.
 SIGMA_OFF = 1.1
-#: A clock drifts if its offset changes by more than this during the log, s.
+#: Largest change of a time offset during the log that is no drift, s.
 DRIFT_S = 0.005
-#: More outliers than this share are no tail of the noise.
+#: Largest share of outliers that may be the tail of the noise.
 OUTLIERS = 0.005
 
 
-#: Boxes are elsewhere if they have fewer than this share of the stated detections, and more than it of those that miss
-#: are detections near no box.
+#: Most detections are away from their boxes if boxes get fewer than this share of the stated detections, and more than
+#: this share of the missing detections are found near no box.
 ELSEWHERE = 0.5
-#: The kind of a finding of which several errors may be the cause.
+#: Kind of a finding that has several possible causes.
 UNDECIDED = "undecided"
-#: Probability with which a log without errors gives no finding of an error or a noise.
+#: Probability that a log without errors gives no finding of an error or a noise.
 FAMILY = 0.95
 
 
 @dataclass(frozen=True)
 class LogFinding:
-    """Something that is wrong."""
+    """Fault of a log, with its evidence and its correction."""
 
     kind: str
-    """Such as ``time_offset``, ``mount_yaw``, ``bias_range``, ``sigma``, ``unit``, ``sign``, ``silence``."""
+    """Kind of fault, such as ``time_offset``, ``mount_yaw``, ``bias_range``, ``sigma``, ``unit`` or ``silence``."""
     sensor: str | None
-    """None: the truth."""
+    """Name of the sensor; None for a fault of the truth."""
     title: str
     evidence: str
     fix: str
     value: float | None = None
-    """In SI units and radians."""
+    """Estimated size in SI units and radians; None where there is none."""
     ci95: tuple[float, float] | None = None
     unit: str | None = None
     candidates: dict[str, float] = field(default_factory=dict)
-    """Errors that explain the log equally well, with the value of each in SI units and radians; empty for one error."""
+    """Errors that explain the log equally well, with their values in SI units and radians; empty for a single error."""
     component: str | None = None
     changes: dict[str, Any] = field(default_factory=dict)
-    """What puts it right in the scenario, by dotted key; empty where the log itself has to be changed."""
+    """Changes of the scenario that correct the fault, by dotted key; empty where the log itself has to be changed."""
 
 
 @dataclass(frozen=True)
 class SensorAudit:
-    """What the log says of one sensor."""
+    """Results of the audit of one sensor."""
 
     log: SensorLog
     units: tuple[WrongUnit, ...]
     detections: Detections
     fit: JointFit | None = None
-    """None where there are too few measurements."""
+    """Joint fit of the sensor's errors; None with too few measurements."""
     noise: tuple[ResidualNoise, ...] = ()
     square_before: float | None = None
-    """Mean square of the measurements' errors over the stated sigmas, as logged; 1 is right."""
+    """Mean square of measurement minus truth over the stated sigmas, as logged; 1 is right."""
     square_after: float | None = None
-    """With the findings put in."""
+    """Mean square of measurement minus truth over the sigmas of the corrected scenario; 1 is right."""
     typical_after: float | None = None
-    """With all findings but those of noise put in, the median error of the worst component over what is stated."""
+    """Typical error of the worst component over the stated sigma, after all corrections but the noise; 1 is right."""
     unlabelled: Unlabelled | None = None
-    """Of a sensor whose detections nobody labelled."""
+    """Statistics of detections without labels; None for a sensor with labels."""
 
     @property
     def tests(self) -> int:
-        """How many errors and noises are judged, and the drift."""
+        """Number of hypotheses that are tested: errors, noises and the drift."""
         errors = 0 if self.fit is None else len(self.fit.estimates) + len(self.log.errors)
         return 0 if self.fit is None else 1 + errors + len(sigma_keys(self.log))
 
 
-#: The units in which angles and times are read.
-_READ = {"rad": (180 / np.pi, "°"), "s": (1e3, " ms")}
-_WORDS = {
+#: Factor and symbol of the units in which angles and times are shown.
+_SHOWN_UNITS = {"rad": (180 / np.pi, "°"), "s": (1e3, " ms")}
+_STATEMENTS = {
     "time_offset": ("time stamps are {} late", "time stamps are {} early"),
     "mount_yaw": (
         "mount is turned {} to the right of what is stated",
@@ -96,8 +96,8 @@ _WORDS = {
         "measurements are of a point of the body {} in front of that of the truth",
     ),
 }
-#: What shows each kind of error where it is taken for another.
-_TELLING = {
+#: Conditions that tell each kind of error from the other kinds.
+_WHERE_TO_LOOK = {
     "time_offset": "where objects stand, brake or accelerate, as a clock moves nothing that stands still",
     "mount": "where objects are at other bearings, as an error of the mount stays with the sensor",
     "bias": "where objects are at other bearings and ranges, as a bias is the same for all",
@@ -105,22 +105,22 @@ _TELLING = {
 }
 
 
-def spelt(name: str) -> str:
-    """An error's name as it is read: "time offset", "bias of range rate"."""
+def error_words(name: str) -> str:
+    """Return the name of an error in words: "time offset", "bias of range rate"."""
     if name.startswith("bias_"):
         return f"bias of {name.removeprefix('bias_').replace('_', ' ')}"
     return name.replace("_", " ")
 
 
 def quantity_text(value: float, unit: str, *, signed: bool = False) -> str:
-    """A value in the unit in which it is read: degrees for angles, ms for times."""
-    factor, name = _READ.get(unit, (1.0, f" {unit}"))
+    """Return a value as text with its unit: degrees for angles, ms for times."""
+    factor, name = _SHOWN_UNITS.get(unit, (1.0, f" {unit}"))
     return f"{value * factor:{'+' if signed else ''}.3g}{name}"
 
 
-def bounds_shown(bounds: tuple[float, float], unit: str) -> str:
-    """ "0.48 to 0.52 m"."""
-    factor, name = _READ.get(unit, (1.0, f" {unit}"))
+def bounds_text(bounds: tuple[float, float], unit: str) -> str:
+    """Return the bounds of an interval as text: "0.48 to 0.52 m"."""
+    factor, name = _SHOWN_UNITS.get(unit, (1.0, f" {unit}"))
     low, high = (bound * factor for bound in bounds)
     width = abs(high - low)
     places = int(np.clip(1 - np.floor(np.log10(width)), 0, 6)) if np.isfinite(width) and width > 0 else 3
@@ -128,24 +128,24 @@ def bounds_shown(bounds: tuple[float, float], unit: str) -> str:
 
 
 def statement(name: str, value: float, unit: str) -> str:
-    """Say what an error of a sensor is: "time stamps are 80 ms late"."""
+    """Return an error of a sensor in words: "time stamps are 80 ms late"."""
     size = quantity_text(abs(value), unit)
-    if name in _WORDS:
-        return _WORDS[name][int(value > 0)].format(size)
+    if name in _STATEMENTS:
+        return _STATEMENTS[name][int(value > 0)].format(size)
     component = name.removeprefix("bias_").replace("_", " ")
     return f"{component} reads {size} too {'much' if value > 0 else 'little'}"
 
 
 def error_finding(log: SensorLog, item: ErrorEstimate, changes: Mapping[str, Any]) -> LogFinding:
-    """That a sensor has an error of time, mount, a bias or the measured point."""
+    """Return the finding of an error of time, mount, bias or measured point."""
     value, unit = item.interval.value, item.unit
     evidence = (
-        f"{spelt(item.name)} {quantity_text(value, unit, signed=True)} "
-        f"(95 %: {bounds_shown(item.interval.bounds(), unit)}); "
+        f"{error_words(item.name)} {quantity_text(value, unit, signed=True)} "
+        f"(95 %: {bounds_text(item.interval.bounds(), unit)}); "
         f"it moves a measurement by {item.effect:.2g} sigma (RMS)."
     )
     if item.rivals:
-        return _undecided(log, item, evidence)
+        return _undecided_finding(log, item, evidence)
     setting = "; ".join(f"{key}: {new}" for key, new in changes.items())
     fix = f"Set {setting}" if changes else "Correct the log: this format has no key for it"
     if item.name == BODY_POINT:
@@ -163,23 +163,23 @@ def error_finding(log: SensorLog, item: ErrorEstimate, changes: Mapping[str, Any
     )
 
 
-def _undecided(log: SensorLog, item: ErrorEstimate, evidence: str) -> LogFinding:
-    """That one of several errors is there, and nothing says which."""
+def _undecided_finding(log: SensorLog, item: ErrorEstimate, evidence: str) -> LogFinding:
+    """Return the finding that one of several errors is present and the log cannot tell which."""
     candidates = {item.name: item.interval.value, **item.rivals}
     statements = [f"its {statement(name, value, log.errors[name])}" for name, value in candidates.items()]
-    kinds = dict.fromkeys(name if name in _TELLING else name.partition("_")[0] for name in candidates)
+    kinds = dict.fromkeys(name if name in _WHERE_TO_LOOK else name.partition("_")[0] for name in candidates)
     return LogFinding(
         kind=UNDECIDED,
         sensor=log.name,
         title=f"{log.name}: {', or '.join(statements)}",
         evidence=f"Each alone explains this log as well as the others. {evidence}",
-        fix=f"Nothing is put in. Look {'; and '.join(_TELLING[kind] for kind in kinds)}.",
+        fix=f"Nothing is put in. Look {'; and '.join(_WHERE_TO_LOOK[kind] for kind in kinds)}.",
         candidates=candidates,
     )
 
 
 def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict[str, Any]]:
-    """By error, the key that takes it out, with its new value."""
+    """Return for each error the scenario's key that corrects it, with its new value; empty where there is no key."""
     mount, entry = log.config.mount, log.truth.measurements.get(log.name)
     changes: dict[str, dict[str, Any]] = {}
     for name, value in errors.items():
@@ -197,7 +197,7 @@ def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict
             i = log.components.index(component)
             quantity = COMPONENT_QUANTITIES.get(log.config.units[i])
             factor = log.truth.units.factor(quantity, entry.units.get(component)) * log.factors[i]
-            # In the unit of the column, before which one that was found wrong is put right.
+            # The bias is in the unit of the column, after a wrong unit is corrected.
             stated = entry.bias.get(component, 0.0)
             changes[name] = {
                 f"truth.readings.{log.name}.bias.{component}": _rounded(stated + value / factor, value / factor)
@@ -206,13 +206,13 @@ def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict
 
 
 def _rounded(value: float, change: float) -> float:
-    """With four digits of what changed."""
+    """Round a value so that the change keeps four digits."""
     digits = 3 - int(np.floor(np.log10(abs(change)))) if change else 6
     return round(float(value), max(digits, 0))
 
 
 def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
-    """That a component is in another unit, or counts the other way."""
+    """Return the finding that a component is in another unit or has the other sign."""
     name, component = log.name, wrong.component.replace("_", " ")
     unit = log.config.units[log.components.index(wrong.component)]
     same = wrong.fits == wrong.stated
@@ -239,7 +239,7 @@ def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
 
 
 def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: BlockInterval) -> LogFinding:
-    """That the noise is not what is stated."""
+    """Return the finding that the noise differs from the stated sigma by a factor, whose logarithm is ``ratio``."""
     stated = float(getattr(log.config, key))
     value = stated * float(np.exp(ratio.value))
     low, high = (stated * float(np.exp(bound)) for bound in ratio.bounds())
@@ -253,7 +253,7 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: 
         sensor=log.name,
         title=f"{log.name}: the noise of {names} is {np.exp(ratio.value):.2f} times what is stated",
         evidence=f"Standard deviation {quantity_text(value * factor, unit)} (95 %: "
-        f"{bounds_shown((low * factor, high * factor), unit)}), stated {quantity_text(stated * factor, unit)}.",
+        f"{bounds_text((low * factor, high * factor), unit)}), stated {quantity_text(stated * factor, unit)}.",
         fix=f"Set sensors.{log.name}.{key}: {new}.",
         value=value * factor,
         ci95=(low * factor, high * factor),
@@ -264,14 +264,14 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: 
 
 
 def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
-    """What is wrong with a sensor; intervals hold the truth with probability ``level``, so that all do so together."""
+    """Yield the findings on a sensor, from intervals at ``level``, which allows for all tests of the log."""
     sensor, detections, fit = item.log.name, item.detections, item.fit
     for wrong in item.units:
         yield unit_finding(item.log, wrong)
-    elsewhere = _elsewhere(item)
-    if elsewhere is not None:
-        # What fits those few by chance says nothing of noise and time.
-        yield elsewhere
+    misplaced = _misplaced_boxes(item)
+    if misplaced is not None:
+        # The few detections that fit by chance say nothing about noise and time.
+        yield misplaced
         return
     if detections.silent_from_s is not None:
         yield LogFinding(
@@ -302,7 +302,7 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
             kind="clock_drift",
             sensor=sensor,
             title=f"{sensor}: its time offset changes by {quantity_text(drift.value, 's', signed=True)} during the log",
-            evidence=f"95 %: {bounds_shown(drift.bounds(), 's')}, from the first measurement to the last.",
+            evidence=f"95 %: {bounds_text(drift.bounds(), 's')}, from the first measurement to the last.",
             fix="Its clock drifts or was set while it ran: compare it with that of the truth, or split the log, and "
             "audit again: until then the noise that is found is not the sensor's alone.",
             value=drift.value,
@@ -311,29 +311,30 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
         )
     shown = explanations(item.log, fit, level)
     start = {error.name: error.interval.value for error in shown}
-    changes = error_changes(item.log, converged(item.log, [*start], start) if start else {})
+    changes = error_changes(item.log, solve_errors(item.log, [*start], start) if start else {})
     for error in shown:
         yield error_finding(item.log, error, changes[error.name])
     if not drifts:
-        yield from _noises(item, level)
+        yield from _noise_findings(item, level)
 
 
-def _elsewhere(item: SensorAudit) -> LogFinding | None:
-    """That most detections are of objects whose boxes are elsewhere: they are near none."""
-    of, share, sensor = item.unlabelled, item.detections.share, item.log.name
-    if of is None or not item.detections.chances:
+def _misplaced_boxes(item: SensorAudit) -> LogFinding | None:
+    """Return the finding that most detections are near no box, although boxes should be detected."""
+    unlabelled, share, sensor = item.unlabelled, item.detections.share, item.log.name
+    if unlabelled is None or not item.detections.chances:
         return None
     stated, _ = stated_detection(item.log.config)
-    missing = (stated - share.value) * item.detections.chances / of.scans
-    more = of.others.bounds()[0] - of.stated_others
-    if not (share.bounds()[1] < ELSEWHERE * stated and more > ELSEWHERE * missing):
+    missing = (stated - share.value) * item.detections.chances / unlabelled.scans
+    excess = unlabelled.others.bounds()[0] - unlabelled.stated_others
+    if not (share.bounds()[1] < ELSEWHERE * stated and excess > ELSEWHERE * missing):
         return None
     return LogFinding(
         kind="elsewhere",
         sensor=sensor,
         title=f"{sensor}: most of its detections are not where the boxes are",
         evidence=f"{100 * share.value:.0f} % of the boxes in its field of view are detected, {100 * stated:.0f} % "
-        f"stated; {of.others.value:.3g} detections a scan are near no box, {of.stated_others:.3g} stated.",
+        f"stated; {unlabelled.others.value:.3g} detections a scan are near no box, "
+        f"{unlabelled.stated_others:.3g} stated.",
         fix="Check units and signs of azimuth and of the observer's yaw, the mount and the clocks, and audit again: "
         "until then noise and errors cannot be judged.",
         value=share.value,
@@ -341,10 +342,10 @@ def _elsewhere(item: SensorAudit) -> LogFinding | None:
     )
 
 
-def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
+def _noise_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
     for key, components in sigma_keys(item.log).items():
         noises = [item.noise[i] for i in components]
-        # Logarithm of the standard deviation found over the stated one, the mean of several components.
+        # Logarithm of estimated over stated standard deviation, a mean over the components.
         logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
         relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
         freedom = min(noise.sigma.freedom for noise in noises)
@@ -354,7 +355,7 @@ def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
 
 
 def sigma_keys(log: SensorLog) -> dict[str, list[int]]:
-    """The keys that state a sensor's noise, with the components that each is for."""
+    """Return the keys that state a sensor's noise, each with the numbers of its components."""
     components: dict[str, list[int]] = {}
     for i, key in enumerate(log.config.sigma_options):
         components.setdefault(key, []).append(i)

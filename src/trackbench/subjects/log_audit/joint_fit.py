@@ -1,4 +1,4 @@
-"""All errors of time, mounting and bias of a sensor in one robust fit, and which of them a log can show."""
+"""The joint fit of a sensor's errors of time, mounting and bias, and which of them a log can show."""
 
 from __future__ import annotations
 
@@ -13,75 +13,75 @@ from trackbench.metrics.blocks import BlockInterval, Blocks, blocks_of
 from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog
 from trackbench.truth.recorded.robust import residual_scale
 
-#: Rows with a residual beyond this many standard deviations are outliers and not used.
+#: Residual beyond which a row is an outlier and is not used, in standard deviations.
 OUTLIER = 4.0
-#: An error of which the others leave less than this share of the information cannot be told from them.
+#: Share of an error's information, left over by the other errors, below which it cannot be told from them.
 LEAST_INFORMATION = 0.01
-#: Time offsets that are tried before the fit, s.
+#: Time offsets among which the fit's start is chosen, s.
 OFFSETS = np.linspace(-2.0, 2.0, 101)
-#: Rows that they are tried on.
+#: Number of rows on which they are compared.
 TRIED = 2000
-#: A time offset is started from if it makes the spread of the residuals smaller by this share.
+#: Share by which a time offset must reduce the spread of the residuals to become the fit's start.
 WORTH = 0.1
 STEPS = 15
-#: Another point of the body is estimated with the other errors, whose intervals it makes wider, if it differs from zero
-#: with this probability.
+#: Probability with which another measured point of the body must differ from zero to be estimated with the other
+#: errors, whose intervals it makes wider.
 SURE = 0.999
 FEWEST_ROWS = 20
 
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """An error of a sensor."""
+    """Estimate of one error of a sensor."""
 
     name: str
     unit: str
     interval: BlockInterval
     effect: float
-    """RMS of what it does to a measurement, in standard deviations of its noise."""
+    """RMS change of a measurement by the error, in standard deviations of the measurement's noise."""
     rivals: dict[str, float] = field(default_factory=dict)
-    """Errors that explain this log as well in its place, with the value that each would have."""
+    """Other errors that would explain the log equally well in place of this one, each with its value."""
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """What the fit found."""
+    """Result of the joint fit of a sensor's errors."""
 
     estimates: dict[str, ErrorEstimate]
     unidentified: dict[str, tuple[str, ...]]
-    """Errors that this log does not show, with those that they cannot be told from (none: without any effect)."""
+    """Errors that the log does not show, with the errors that hide them; empty for an error without any effect."""
     residual: Array
-    """``(m, rows)`` what remains."""
+    """Measurement minus expected measurement at the estimates, ``(m, rows)``."""
     reference: Array
-    """``(m, rows)`` variance of the residual that the noise of the reference makes."""
+    """Variance of the residual due to noise of the reference, ``(m, rows)``."""
     scale: Array
-    """``(m, rows)`` standard deviation of the residual."""
+    """Standard deviation of the residual, ``(m, rows)``."""
     derivatives: Array
-    """``(p, m, rows)`` of the estimates, in their order."""
+    """Derivatives of the expected measurement by the estimated errors, ``(p, m, rows)``."""
     inlier: Mask
-    """``(rows,)``."""
+    """Rows that the fit uses, ``(rows,)``."""
     outlier: Mask
-    """``(rows,)``; rows at the edge of the truth's time are neither."""
+    """Outliers, ``(rows,)``; rows at the edge of the truth's time are neither inliers nor outliers."""
     blocks: Blocks
-    """Of the inliers."""
+    """Blocks of inliers for the bootstrap."""
 
     @property
     def errors(self) -> dict[str, float]:
-        """The estimates by name."""
+        """Values of the estimated errors by name, SI units and rad."""
         return {name: estimate.interval.value for name, estimate in self.estimates.items()}
 
 
 def joint_fit(log: SensorLog) -> JointFit:
     """Estimate the errors of a sensor together.
 
-    The residual is linearised in the errors around the best ones so far and solved by least squares, weighted by the
-    noise that is estimated with them, without outliers, until nothing changes (Gauss-Newton). Of errors that the log
-    cannot tell apart, one is estimated as if the others were zero, and named with them. The measured point of a body is
-    taken as that of the truth unless the log shows another.
+    The fit is Gauss-Newton: the residual is linearised around the latest errors and solved by least squares without
+    outliers, weighted by the noise that is estimated as well. Among errors that the log cannot tell apart, one is
+    estimated as if the others were zero. The measured point of a body is assumed to be the truth's unless the log
+    shows another.
 
-    The estimates are those at which derivatives and residuals are orthogonal, not those with the least squares: between
-    two rows of the reference its noise is smaller, so the least squares lie there whatever the clock. The derivatives
-    have other noise than the residuals (instrumental variables; Fuller 1987, "Measurement Error Models").
+    The estimates make derivatives and residuals orthogonal; they do not minimise the squares. Interpolated between two
+    rows, the reference has less noise, so that the smallest squares lie there whatever the clock. The derivatives have
+    other noise than the residuals (instrumental variables; Fuller 1987, "Measurement Error Models").
     """
     start = {"time_offset": _best_offset(log)}
     fit = _fit_from(log, start, with_body_point=False)
@@ -96,17 +96,17 @@ def _fit_from(log: SensorLog, start: Mapping[str, float], *, with_body_point: bo
     names, unidentified = _identifiable(log, start, with_body_point)
     errors = {name: start.get(name, 0.0) for name in names}
     for round_number in range(2):
-        errors = converged(log, names, errors)
+        errors = solve_errors(log, names, errors)
         identifiable = _identifiable(log, errors, with_body_point)
         if round_number or identifiable[0] == names:
             break
         names, unidentified = identifiable
         errors = {name: errors.get(name, 0.0) for name in names}
-    return _finished(log, names, errors, unidentified)
+    return _result_at(log, names, errors, unidentified)
 
 
 def _best_offset(log: SensorLog) -> float:
-    """The time offset from which the fit starts: zero unless another makes the residuals clearly smaller, s."""
+    """Return the time offset from which the fit starts, s: zero unless another makes the residuals clearly smaller."""
     rows = log.rows(np.unique(np.linspace(0, len(log.log.time) - 1, TRIED).astype(np.intp)))
     longest = 0.2 * float(log.log.time[-1] - log.log.time[0])
     offsets = OFFSETS[np.abs(OFFSETS) <= longest]
@@ -116,8 +116,8 @@ def _best_offset(log: SensorLog) -> float:
         finite = np.isfinite(residual).all(axis=0)
         if finite.mean() < 0.5:
             return np.inf
-        kept = residual[:, finite]
-        away = np.median(np.abs(kept - np.median(kept, axis=1, keepdims=True)), axis=1)
+        values = residual[:, finite]
+        away = np.median(np.abs(values - np.median(values, axis=1, keepdims=True)), axis=1)
         return float(np.log(np.maximum(away, 1e-12)).sum())
 
     spreads = [spread(offset) for offset in offsets.tolist()]
@@ -128,58 +128,58 @@ def _best_offset(log: SensorLog) -> float:
 def _identifiable(
     log: SensorLog, errors: Mapping[str, float], with_body_point: bool
 ) -> tuple[list[str], dict[str, tuple[str, ...]]]:
-    """Return the errors that can be estimated together, and those that cannot, with what hides them."""
-    every = list(log.errors)
+    """Return the errors that can be estimated together, and the other errors with the errors that hide them."""
+    names = list(log.errors)
     residual = log.residual(errors)
-    columns = log.derivatives(errors, every) / residual_scale(residual, log.reference_variance(errors))
+    columns = log.derivatives(errors, names) / residual_scale(residual, log.reference_variance(errors))
     finite = np.isfinite(columns).all(axis=(0, 1)) & np.isfinite(residual).all(axis=0)
-    flat = columns[:, :, finite].reshape(len(every), -1)
+    flat = columns[:, :, finite].reshape(len(names), -1)
     size = np.sqrt((flat**2).sum(axis=1))
     unit = flat / np.where(size > 0, size, 1.0)[:, None]
-    alike = unit @ unit.T
-    # A bias before the place of the mount, which is measured with a tape.
-    biases = [name for name in every if name.startswith("bias_")]
+    cosines = unit @ unit.T
+    # A bias comes before the mount's position, which is known from a tape measure.
+    biases = [name for name in names if name.startswith("bias_")]
     order = ["time_offset", "mount_yaw", *biases, "mount_x", "mount_y", BODY_POINT]
-    kept: list[int] = []
+    chosen: list[int] = []
     hidden: dict[str, tuple[str, ...]] = {}
-    for i in map(every.index, order):
+    for i in map(names.index, order):
         if size[i] < 1e-9 * np.sqrt(max(finite.sum(), 1)):
-            hidden[every[i]] = ()
+            hidden[names[i]] = ()
             continue
-        share, left = explained_share(alike, i, kept)
-        if every[i] == BODY_POINT and left >= LEAST_INFORMATION and not with_body_point:
+        share, left = explained_share(cosines, i, chosen)
+        if names[i] == BODY_POINT and left >= LEAST_INFORMATION and not with_body_point:
             continue
         if left < LEAST_INFORMATION:
             strong = np.abs(share) > 0.2 * np.abs(share).max()
-            hidden[every[i]] = tuple(every[j] for j, by in zip(kept, strong, strict=True) if by)
+            hidden[names[i]] = tuple(names[j] for j, by in zip(chosen, strong, strict=True) if by)
         else:
-            kept.append(i)
-    return [every[i] for i in kept], hidden
+            chosen.append(i)
+    return [names[i] for i in chosen], hidden
 
 
-def explained_share(alike: Array, error: int, others: list[int]) -> tuple[Array, float]:
-    """Return how the derivatives of some errors add up to those of another, and the share of its information left.
+def explained_share(cosines: Array, error: int, others: list[int]) -> tuple[Array, float]:
+    """Return coefficients ``(others,)`` that express one error by others, and the share of its information left.
 
     Args:
-        alike: cosines of the angles between the derivatives of all errors.
+        cosines: cosines of the angles between the derivatives of all errors, ``(p, p)``.
         error: number of the error.
-        others: numbers of the others.
+        others: numbers of the other errors.
     """
     if not others:
         return np.empty(0), 1.0
-    share = np.linalg.lstsq(alike[np.ix_(others, others)], alike[others, error], rcond=None)[0]
-    return np.asarray(share, dtype=float), 1.0 - float(alike[others, error] @ share)
+    share = np.linalg.lstsq(cosines[np.ix_(others, others)], cosines[others, error], rcond=None)[0]
+    return np.asarray(share, dtype=float), 1.0 - float(cosines[others, error] @ share)
 
 
-def converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
-    """The best values of some of the errors, were all others zero."""
+def solve_errors(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
+    """Return the best values of some errors, with all other errors zero."""
     errors = dict(start)
     for _ in range(STEPS):
         derivatives, residual, _, scale, inlier = _linearised(log, names, errors)
         columns = (derivatives / scale)[:, :, inlier].reshape(len(names), -1)
         step = np.linalg.lstsq(columns.T, (residual / scale)[:, inlier].reshape(-1), rcond=None)[0]
         if "time_offset" in names:
-            # Further than this the truth is no straight line.
+            # The truth is no straight line over a longer time.
             step[names.index("time_offset")] = np.clip(step[names.index("time_offset")], -0.5, 0.5)
         errors = {name: errors[name] + float(change) for name, change in zip(names, step, strict=True)}
         if "mount_yaw" in errors:
@@ -192,9 +192,7 @@ def converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> d
 def _linearised(
     log: SensorLog, names: list[str], errors: Mapping[str, float]
 ) -> tuple[Array, Array, Array, Array, Mask]:
-    """Derivatives ``(p, m, rows)``, residuals, their variance from the reference, their standard deviation (each
-    ``(m, rows)``), and which rows are known and no outliers.
-    """
+    """Return derivatives, residual, reference variance, scale and inliers, with the shapes of :class:`JointFit`."""
     residual, reference = log.residual(errors), log.reference_variance(errors)
     derivatives = log.derivatives(errors, names) if names else np.zeros((0, *residual.shape))
     scale = residual_scale(residual, reference)
@@ -204,7 +202,7 @@ def _linearised(
     return derivatives, residual, reference, scale, np.asarray(inlier)
 
 
-def _finished(
+def _result_at(
     log: SensorLog,
     names: list[str],
     errors: Mapping[str, float],
@@ -237,16 +235,16 @@ def _finished(
 
 
 def block_intervals(columns: Array, target: Array, blocks: Blocks) -> list[BlockInterval]:
-    """Return what least squares make of ``columns`` ``(p, m, rows)`` for ``target`` ``(m, rows)``, with intervals."""
+    """Return the least-squares coefficients of ``columns`` ``(p, m, rows)`` for ``target`` ``(m, rows)``."""
     size = len(columns)
     squares = np.einsum("pmr,qmr->pqr", columns, columns).reshape(size * size, -1)
     products = np.einsum("pmr,mr->pr", columns, target)
 
-    def solved(sums: Array) -> Array:
+    def solve(sums: Array) -> Array:
         matrix = np.moveaxis(sums[: size * size].reshape(size, size, -1), -1, 0)
         right = np.moveaxis(sums[size * size :].reshape(size, -1), -1, 0)
-        # Blocks that were drawn may not determine every error: the least of the solutions.
+        # A draw of blocks may not determine every error; the pseudo-inverse then gives the smallest solution.
         solution = np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right[:, :, None])[:, :, 0].T)
         return solution[:, 0] if sums.ndim == 1 else solution
 
-    return blocks.intervals(np.concatenate([squares, products]), solved)
+    return blocks.intervals(np.concatenate([squares, products]), solve)

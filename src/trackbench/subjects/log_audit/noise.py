@@ -1,4 +1,4 @@
-"""Residuals of the joint fit: noise by range, detections, labelled or not, and a time offset that drifts."""
+"""The noise and the detections of a sensor by range, detections without labels, and the drift of a clock."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from trackbench.truth.recorded.robust import EDGE, KEPT, clipped
 from trackbench.truth.recorded.scans import position_of
 from trackbench.truth.sources import RecordingTruth
 
-#: Measurements in a band of the range, at least, and bands at most.
+#: Fewest measurements in a band of the range, and largest number of bands.
 IN_BAND, BANDS = 30, 6
 
 
 @dataclass(frozen=True)
 class Band:
-    """A value in a band of the range."""
+    """Value in a band of the range, such as a standard deviation or a share of detections."""
 
     from_m: float
     to_m: float
@@ -40,16 +40,16 @@ class Band:
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """The noise of one component of a measurement."""
+    """Noise of one component of a measurement."""
 
     name: str
     unit: str
     sigma: BlockInterval
-    """After the errors that were found are taken out."""
+    """Standard deviation after the errors of the joint fit are taken out."""
     stated: float
-    """The standard deviation that the scenario states."""
+    """Standard deviation that the scenario states."""
     bands: tuple[Band, ...]
-    """The standard deviation by range."""
+    """Standard deviation by range."""
 
 
 def residual_noises(log: SensorLog, fit: JointFit) -> tuple[ResidualNoise, ...]:
@@ -69,27 +69,27 @@ def residual_noises(log: SensorLog, fit: JointFit) -> tuple[ResidualNoise, ...]:
 
 
 def _sigma(log: SensorLog, fit: JointFit, i: int, chosen: Mask) -> BlockInterval:
-    """A component's standard deviation in some of the rows, without the noise of the reference."""
+    """Return the standard deviation of component ``i`` in the chosen inliers, without the noise of the reference."""
     residual, reference = fit.residual[i, fit.inlier], fit.reference[i, fit.inlier]
     middle, sigma = (float(value[0]) for value in clipped(residual[chosen], reference[chosen]))
     variance = np.maximum(sigma**2 + reference, 1e-300)
     away = residual - middle
     weight = np.where(chosen & (away**2 <= 9 * variance), (variance.min() / variance) ** 2, 0.0)
     added = float((weight * reference).sum() / weight.sum())
-    # The logarithm of a standard deviation is nearer to normal, and the share within its limits moves with it.
-    # So much of a change of the standard deviation limits that follow it, at three of it, take away.
+    # The logarithm of a standard deviation is nearer to normal than itself. The clipping limits follow the standard
+    # deviation, three of it to either side: they hide a share of its change, which the factor restores.
     share = 1 / (1 - 0.5 * (2 * 27 * EDGE / KEPT - 6 * EDGE))
     logarithm = fit.blocks.intervals(
         np.stack([weight * away**2, weight]),
         lambda sums: 0.5 * np.log(np.maximum(sums[:1], 1e-300) / np.maximum(sums[1:], 1e-300)),
     )[0]
-    # Of the variance; that of the reference is an estimate too.
+    # Uncertainty of the variance, to which the estimated variance of the reference contributes.
     spread = np.hypot(2 * (sigma**2 + added) * share * logarithm.sigma, log.noise.uncertainty * added)
     return BlockInterval(sigma, float(spread / (2 * sigma)) if sigma > 0 else np.inf, logarithm.freedom)
 
 
 def _bands(distance: Array, fewest: int, interval_of: Callable[[Mask], BlockInterval]) -> tuple[Band, ...]:
-    """Bands of the range with equally many rows each; none with fewer rows than ``fewest``."""
+    """Return bands of the range with equally many rows each, without bands of fewer rows than ``fewest``."""
     if not len(distance):
         return ()
     count = int(np.clip(len(distance) // IN_BAND, 1, BANDS))
@@ -102,41 +102,41 @@ def _bands(distance: Array, fewest: int, interval_of: Callable[[Mask], BlockInte
     return tuple(bands)
 
 
-#: A sensor was silent if chance leaves so many detections out in fewer logs than this share.
+#: Probability of a log with as many successive missed detections by chance, below which a sensor was silent.
 UNLIKELY = 1e-4
-#: And for more than so many cycles.
+#: Number of cycles that a silence must exceed.
 SILENT = 5
 
 
 @dataclass(frozen=True)
 class Detections:
-    """How often a sensor detects an object that is in its field of view."""
+    """Statistics of a sensor's detections of objects in its field of view."""
 
     rate_hz: float | None
-    """Cycles a second, of the median interval; None where the detections have no regular one."""
+    """Scan cycles a second, from the median interval; None where there is no regular interval."""
     chances: int
-    """Pairs of a cycle and an object in the field of view."""
+    """Number of pairs of a cycle and an object in the field of view."""
     share: BlockInterval
     bands: tuple[Band, ...]
-    """The share by range."""
+    """Share of detections by range."""
     silent_from_s: float | None
-    """When the longest time began in which nothing was detected though chance does not explain it."""
+    """Begin of the longest time without a detection that chance does not explain; None where there is none."""
     silent_for_s: float
 
 
-def detection_shares(log: SensorLog, looked: Cycles, errors: dict[str, float]) -> Detections:
-    """The share of the chances to detect an object that were taken.
+def detection_shares(log: SensorLog, cycles: Cycles, errors: dict[str, float]) -> Detections:
+    """Return the share of chances in which an object was detected, and the longest silence.
 
-    A chance is an object of the truth in the field of view, as stated and as far as there was a detection, at a cycle
-    of the sensor between its first and its last detection.
+    A chance is a true object at a cycle between the sensor's first and last detection. It lies in the stated field of
+    view, and no further out than the outermost detections.
     """
-    cycle, first = np.unique(looked.cycle, return_index=True)
-    starts, objects = looked.instants[first], len(log.drive.motions)
+    cycle, first = np.unique(cycles.cycle, return_index=True)
+    starts, objects = cycles.instants[first], len(log.drive.motions)
     time = np.repeat(starts, objects)
     owner = np.tile(np.arange(objects), len(starts))
     distance, azimuth = log.polar(time, owner, errors)
     detected = np.zeros((len(cycle), objects), dtype=bool)
-    of_row = looked.cycle[np.searchsorted(looked.instants, log.log.time)]
+    of_row = cycles.cycle[np.searchsorted(cycles.instants, log.log.time)]
     detected[np.searchsorted(cycle, of_row), log.log.object] = True
     hit = detected.reshape(-1)
     limit = np.inf if log.config.max_range_m is None else log.config.max_range_m
@@ -145,11 +145,11 @@ def detection_shares(log: SensorLog, looked: Cycles, errors: dict[str, float]) -
     seen_half = float(np.max(np.abs(azimuth[stated & hit]), initial=0.0))
     seen_range = float(np.max(distance[stated & hit], initial=0.0))
     inside = stated & (np.abs(azimuth) <= seen_half) & (distance <= seen_range)
-    silent_from, silent_for = _silence(starts, inside.reshape(len(starts), -1), detected)
+    silent_from, silent_for = _longest_silence(starts, inside.reshape(len(starts), -1), detected)
     time, owner, distance, hit = time[inside], owner[inside], distance[inside], hit[inside]
     spacing = np.diff(starts)
     return Detections(
-        rate_hz=None if looked.period is None or not len(spacing) else float(1 / np.median(spacing)),
+        rate_hz=None if cycles.period is None or not len(spacing) else float(1 / np.median(spacing)),
         chances=int(inside.sum()),
         share=_share(time, owner, hit),
         bands=_bands(distance, 2, lambda rows: _share(time[rows], owner[rows], hit[rows])),
@@ -158,8 +158,8 @@ def detection_shares(log: SensorLog, looked: Cycles, errors: dict[str, float]) -
     )
 
 
-def _silence(starts: Array, chance: Mask, detected: Mask) -> tuple[float | None, float]:
-    """Begin and length of the longest run of cycles that detected nothing of many chances."""
+def _longest_silence(starts: Array, chance: Mask, detected: Mask) -> tuple[float | None, float]:
+    """Return begin and length, s, of the longest series of cycles whose misses chance does not explain."""
     share = float(detected[chance].mean()) if chance.any() else 1.0
     best: tuple[float | None, float] = (None, 0.0)
     shortest = SILENT * float(np.median(np.diff(starts))) if len(starts) > 1 else np.inf
@@ -185,14 +185,14 @@ def _share(time: Array, owner: Indices, hit: Mask) -> BlockInterval:
         share = blocks.intervals(np.stack([hit.astype(float), np.ones(count)]), lambda sums: sums[:1] / sums[1:])[0]
         if share.sigma > 0:
             return share
-    # All or none: as far as the rule of three reaches (Clopper and Pearson 1934, one-sided).
+    # With all or none detected, the interval is the rule of three (Clopper and Pearson 1934, one-sided).
     return BlockInterval(value, 3.0 / count / ndtri(0.975), np.inf)
 
 
 def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:
-    """The change of the time offset from the start of the log to its end, s; None where the log shows no time offset.
+    """Return the change of the time offset from the log's start to its end, s; None if it shows no time offset.
 
-    The slope over time of what the fit leaves, against what a time offset does.
+    It is the slope over time of the residuals, in units of a time offset's effect.
     """
     if "time_offset" not in fit.estimates:
         return None
@@ -202,40 +202,40 @@ def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:
     rest = fit.residual[:, inlier] / scale
     time = log.log.time[inlier]
     along = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
-    # A constant besides, which the other errors have fitted together.
+    # A constant is fitted beside the slope, since the joint fit has balanced it with other errors.
     parts = [column * column, column * column * along, column * column * along**2, column * rest, column * rest * along]
     terms = np.stack([part.sum(axis=0) for part in parts])
 
     def slope(sums: np.ndarray) -> np.ndarray:
-        flat, once, twice, level, rise = sums
-        return np.asarray((rise - level * once / flat) / (twice - once * once / flat))[None]
+        squares, once, twice, level, rise = sums
+        return np.asarray((rise - level * once / squares) / (twice - once * once / squares))[None]
 
     return fit.blocks.intervals(terms, slope)[0]
 
 
-#: A detection further from the centre of every box is of none, m: the cutoff of GOSPA unless a scenario states another.
+#: Largest distance of a detection from the centre of its box, m: the default cutoff of GOSPA.
 GATE_M = 5.0
 
 
 @dataclass(frozen=True)
 class Unlabelled:
-    """What there is to say of a sensor's detections beside those near boxes."""
+    """Statistics of a sensor whose detections have no labels."""
 
     scans: int
     per_scan: BlockInterval
-    """Detections of a scan."""
+    """Number of detections in a scan."""
     near: BlockInterval
-    """Share of the detections that are the nearest within the gate to a box, which has one at most."""
+    """Share of the detections that belong to a box: the nearest within the gate, at most one for each box."""
     others: BlockInterval
-    """Detections of a scan that are near no box: false alarms, and objects without one."""
+    """Number of detections in a scan near no box: false alarms, and objects without a box."""
     stated_others: float
-    """False alarms of a scan that the sensor states."""
+    """Number of false alarms in a scan that the sensor states."""
 
 
 def with_boxes(name: str, config: Sensor, drive: Drive, truth: RecordingTruth) -> Log:
-    """The detections of a sensor's scans that are nearest to boxes as measurements of these objects.
+    """Assign the detections of a sensor to the nearest boxes, and return them as measurements of these objects.
 
-    Pairs are made within a scan, the nearest first; all other detections are of no object.
+    Pairs are made within a scan, the nearest first; all other detections are false alarms or objects without a box.
 
     Raises:
         InputError: the sensor measures no position, or no detection is near a box.
@@ -243,21 +243,22 @@ def with_boxes(name: str, config: Sensor, drive: Drive, truth: RecordingTruth) -
     key, scans, objects = f"truth.readings.{name}.object", drive.detections[name], len(drive.motions)
     if config.components[:2] not in (POLAR, CARTESIAN):
         raise InputError("missing: it measures no position, by which the nearest box is found", key=key)
-    kept = np.isin(scans.time, drive.framed(scans.time))
-    rows = kept[scans.scan]
-    time, scan, measurement = scans.time[kept], (np.cumsum(kept) - 1)[scans.scan[rows]], scans.measurement[:, rows]
-    every = np.repeat(time, objects), np.tile(np.arange(objects), len(time))
-    log = Log(*every, np.zeros((len(measurement), len(every[0]))), time, RowOrder(len(scan), 0, 0.0, 0))
+    in_time = np.isin(scans.time, drive.framed(scans.time))
+    rows = in_time[scans.scan]
+    time, scan = scans.time[in_time], (np.cumsum(in_time) - 1)[scans.scan[rows]]
+    measurement = scans.measurement[:, rows]
+    pairs = np.repeat(time, objects), np.tile(np.arange(objects), len(time))
+    log = Log(*pairs, np.zeros((len(measurement), len(pairs[0]))), time, RowOrder(len(scan), 0, 0.0, 0))
     sensor = SensorLog(name, config, log, drive, truth, reference_noise(drive), np.ones(len(measurement)))
-    boxes, places = (position_of(config.components, values) for values in (sensor.expected({}), measurement))
+    boxes, positions = (position_of(config.components, values) for values in (sensor.expected({}), measurement))
     boxes, owner = boxes.reshape(2, -1, objects), np.full(len(scan), -1)
     for number in np.unique(scan).tolist():
-        own = np.flatnonzero(scan == number)
-        away = np.hypot(*(places[:, own, None] - boxes[:, number][:, None]))
+        in_scan = np.flatnonzero(scan == number)
+        away = np.hypot(*(positions[:, in_scan, None] - boxes[:, number][:, None]))
         away[~(away <= GATE_M)] = np.inf
         while np.isfinite(away).any():
             row, item = np.unravel_index(int(np.argmin(away)), away.shape)
-            owner[own[row]] = item
+            owner[in_scan[row]] = item
             away[row], away[:, item] = np.inf, np.inf
     near = owner >= 0
     if not near.any():
@@ -267,7 +268,7 @@ def with_boxes(name: str, config: Sensor, drive: Drive, truth: RecordingTruth) -
 
 
 def unlabelled_detections(sensor: SensorLog) -> Unlabelled:
-    """The detections of a sensor whose boxes were found, with 95 % intervals over blocks of time."""
+    """Return the statistics of unlabelled detections, with 95 % intervals over blocks of time."""
     log, config = sensor.log, sensor.config
     near, others, ones = _counts(log.scans, log.time), _counts(log.scans, log.alarm_time), np.ones(len(log.scans))
     _, density = stated_detection(config)
@@ -281,12 +282,11 @@ def unlabelled_detections(sensor: SensorLog) -> Unlabelled:
 
 
 def _counts(scans: Array, time: Array) -> Array:
-    """``(scans,)`` how many of the times are those of each."""
+    """Return the number of times that equal each scan's time, ``(scans,)``."""
     return np.bincount(np.searchsorted(scans, time), minlength=len(scans)).astype(float)
 
 
 def _ratio(time: Array, total: Array, count: Array) -> BlockInterval:
-    """The ratio of two sums over scans."""
     value = total.sum() / count.sum()
     blocks = blocks_of(time, np.zeros(len(time), dtype=np.intp), (total - value * count)[None])
     return blocks.intervals(np.stack([total, count]), lambda sums: sums[:1] / sums[1:])[0]

@@ -1,4 +1,4 @@
-"""The report of an audit of a log, and its tables."""
+"""The report of a log's audit, and its tables."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from trackbench.document import Block, Cell, Code, Column, Document, Item, Items
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.report.figures.map import map_of_scene
 from trackbench.report.numbers import NOT_AVAILABLE
-from trackbench.subjects.log_audit.audit import LogAudit, corrected, pasted
+from trackbench.subjects.log_audit.audit import LogAudit, corrected, yaml_to_paste
 from trackbench.subjects.log_audit.figures import band_figures
-from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, quantity_text, spelt
+from trackbench.subjects.log_audit.findings import SensorAudit, bounds_text, error_words, quantity_text
 from trackbench.subjects.log_audit.noise import GATE_M
 from trackbench.subjects.log_audit.replay import replay_of_log
 
@@ -26,7 +26,7 @@ _METHOD = (
 
 
 def log_audit_document(audit: LogAudit) -> Document:
-    """The whole report."""
+    """Return the report of an audit."""
     blocks: list[Block] = [
         *log_audit_summary(audit).blocks,
         *_replay(audit),
@@ -52,18 +52,18 @@ def _replay(audit: LogAudit) -> Iterator[Section]:
 
 
 def log_audit_summary(audit: LogAudit) -> Document:
-    """What a terminal shows: the verdict, the findings, and the noise of the sensors."""
+    """Return the summary for the terminal: the verdict, the findings, and the noise of the sensors."""
     items = tuple(Item(f"{finding.evidence} {finding.fix}", finding.title) for finding in audit.findings)
     blocks: list[Block] = [*_verdict(audit)]
     if items:
         blocks.append(Section("Findings", (Items(items, numbered=True),)))
-        if (block := pasted(audit.scenario, audit.findings)) and not audit.unexplained:
+        if (block := yaml_to_paste(audit.scenario, audit.findings)) and not audit.unexplained:
             blocks.append(Section("To paste into the scenario", (Code(block, "yaml"),)))
     detections = [rates_table(audit)]
     if any(item.unlabelled for item in audit.sensors.values()):
         detections.append(unlabelled_table(audit))
     blocks += [Section("Noise", (noise_table(audit),)), Section("Detections", tuple(detections))]
-    hidden = [Item(text, name) for name, item in audit.sensors.items() for text in _hidden(item)]
+    hidden = [Item(text, name) for name, item in audit.sensors.items() for text in _hidden_errors(item)]
     if hidden:
         blocks.append(Section("What this log cannot tell", (Items(tuple(hidden)),)))
     return Document("audit", audit.name, tuple(blocks))
@@ -96,24 +96,24 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     yield errors_table(item)
 
 
-def _hidden(item: SensorAudit) -> Iterator[str]:
-    """What the log does not show of a sensor."""
+def _hidden_errors(item: SensorAudit) -> Iterator[str]:
+    """Yield sentences on the errors of a sensor that the log cannot show."""
     if item.fit is None:
         yield f"{counted(len(item.log.log.time), 'measurement')} are too few to estimate anything."
         return
     for name, others in item.fit.unidentified.items():
         if others:
-            named = " and ".join(spelt(other) for other in others)
-            yield f"{spelt(name)}: not to be told from {named}, so taken as zero."
+            rivals = " and ".join(error_words(other) for other in others)
+            yield f"{error_words(name)}: not to be told from {rivals}, so taken as zero."
         else:
-            yield f"{spelt(name)}: it changes none of these measurements."
+            yield f"{error_words(name)}: it changes none of these measurements."
 
 
 _INTERVAL = "95 % interval"
 
 
 def noise_table(audit: LogAudit) -> Table:
-    """Standard deviation of all components."""
+    """Return the table of standard deviations, estimated and stated, of all components."""
     rows = []
     for name, item in audit.sensors.items():
         if not item.noise:
@@ -132,7 +132,7 @@ def noise_table(audit: LogAudit) -> Table:
 
 
 def rates_table(audit: LogAudit) -> Table:
-    """How often each sensor looks and detects."""
+    """Return the table of each sensor's scan rate and share of detections."""
     detections = [item.detections for item in audit.sensors.values()]
     rates = [
         Cell(NOT_AVAILABLE, reason="no regular rate") if item.rate_hz is None else Cell(f"{item.rate_hz:.4g}")
@@ -149,7 +149,7 @@ def rates_table(audit: LogAudit) -> Table:
 
 
 def unlabelled_table(audit: LogAudit) -> Table:
-    """The detections of sensors whose detections nobody labelled."""
+    """Return the table of the sensors whose detections have no labels."""
     rows: list[list[Cell]] = []
     gaps = {clock.name: f"{clock.longest_gap_s:.3g}" for clock in audit.clocks}
     for name, sensor in audit.sensors.items():
@@ -175,12 +175,12 @@ def _number(interval: BlockInterval) -> Cell:
 
 
 def errors_table(item: SensorAudit) -> Table:
-    """The errors that were estimated together."""
+    """Return the table of the errors of a sensor's joint fit."""
     assert item.fit is not None
     estimates = item.fit.estimates.values()
     effect = Column("effect, sigma", "RMS of what it does to a measurement")
     columns = [
-        (Column("error", left=True), [Cell(spelt(estimate.name)) for estimate in estimates]),
+        (Column("error", left=True), [Cell(error_words(estimate.name)) for estimate in estimates]),
         (
             Column("estimate", details=_INTERVAL),
             [_interval(estimate.interval, estimate.unit) for estimate in estimates],
@@ -192,7 +192,7 @@ def errors_table(item: SensorAudit) -> Table:
 
 
 def clocks_table(audit: LogAudit) -> Table:
-    """The times of the truth and of the sensors."""
+    """Return the table of the truth's and the sensors' times."""
     single = Cell(NOT_AVAILABLE, reason="a single time")
     usual = [single if clock.usual_s is None else Cell(f"{clock.usual_s * 1e3:.4g}") for clock in audit.clocks]
     columns = [
@@ -205,7 +205,7 @@ def clocks_table(audit: LogAudit) -> Table:
 
 
 def _interval(interval: BlockInterval, unit: str) -> Cell:
-    details = bounds_shown(interval.bounds(), unit) if np.isfinite(interval.sigma) else "no interval"
+    details = bounds_text(interval.bounds(), unit) if np.isfinite(interval.sigma) else "no interval"
     return Cell(quantity_text(interval.value, unit), (details,))
 
 

@@ -1,6 +1,6 @@
-"""The measurements of one sensor of a log beside what it should have read, and checks that need no fit.
+"""The measurements of one sensor of a log beside the expected ones, and checks that need no fit.
 
-The reference itself is noisy; its velocities are held against its positions.
+The reference is the recorded truth, which is noisy itself; its velocities are compared with its positions.
 """
 
 from __future__ import annotations
@@ -22,42 +22,42 @@ from trackbench.truth.recorded.reference import moved_ahead
 from trackbench.truth.recorded.robust import THIRD, body_sigmas, travelled, white_sigma
 from trackbench.truth.sources import RecordingTruth
 
-#: Variance of the mean square of N third differences of white noise, times N: twice the sum of the squares of their
-#: autocorrelation.
+#: N times the relative variance of the mean square of N third differences of white noise: twice the sum of their
+#: squared autocorrelation.
 _FREEDOM = 2 * float((np.correlate(THIRD, THIRD, "full") ** 2).sum()) / float((THIRD**2).sum()) ** 2
 
 
 @dataclass(frozen=True)
 class ReferenceNoise:
-    """Noise of the rows of the reference, independent from row to row."""
+    """Noise of the reference, independent from row to row."""
 
     drive: Drive
     objects: tuple[tuple[float, float], ...]
     """Standard deviation of position and velocity of each object, m and m/s."""
     observer: tuple[float, float, float]
-    """Standard deviation of position, velocity and heading of what carries the sensors, m, m/s and rad."""
+    """Standard deviation of position, velocity and heading of the sensors' carrier, m, m/s and rad."""
     reach_s: float
-    """Derivatives with respect to time are differences over this much to either side."""
+    """Time to either side over which derivatives with respect to time are differences."""
     uncertainty: float
-    """Standard deviation of the variances of an object, as a share of them."""
+    """Relative standard deviation of the estimated variances."""
 
     def variance(self, time: Array, owner: Indices) -> Array:
-        """``(5, rows)`` of px, py, vx, vy of objects relative to the observer, and of its heading, at some times."""
+        """Return variances ``(5, rows)`` of objects' px, py, vx, vy relative to the observer, and of its heading."""
         variance = np.zeros((5, len(time)))
         for number, (motion, sigmas) in enumerate(zip(self.drive.motions.values(), self.objects, strict=True)):
-            own = owner == number
-            share = _interpolated(motion.time, time[own])
+            is_own = owner == number
+            share = _interpolation_variance(motion.time, time[is_own])
             for row, sigma in enumerate(np.repeat(sigmas, 2).tolist()):
-                variance[row, own] = sigma**2 * share
+                variance[row, is_own] = sigma**2 * share
         if self.drive.observer is not None:
-            share = _interpolated(self.drive.observer.time, time)
+            share = _interpolation_variance(self.drive.observer.time, time)
             position, velocity, heading = self.observer
             variance += np.square([position, position, velocity, velocity, heading])[:, None] * share
         return variance
 
 
 def reference_noise(drive: Drive) -> ReferenceNoise:
-    """The noise of a reference, from its rows."""
+    """Estimate the noise of a reference from its rows."""
     objects = tuple(body_sigmas(motion) for motion in drive.motions.values())
     carried, observer = drive.observer, (0.0, 0.0, 0.0)
     if carried is not None:
@@ -65,7 +65,7 @@ def reference_noise(drive: Drive) -> ReferenceNoise:
         observer = (*body_sigmas(carried), white_sigma(np.unwrap(carried.heading)[None]))
     groups = [list(drive.motions.values()), [carried] if carried is not None else []]
     intervals = [np.concatenate([np.diff(m.time) for m in group]) for group in groups if group]
-    usual = max(SHORTEST_S, *(float(np.median(each)) if len(each) else 0.0 for each in intervals))
+    usual = max(SHORTEST_S, *(float(np.median(times)) if len(times) else 0.0 for times in intervals))
     noise = max(observer[0], *(position for position, _ in objects)) / (np.sqrt(2) * RATE_NOISE_MPS)
     fewest = max(1, min(len(m.time) for m in drive.motions.values()))
     return ReferenceNoise(
@@ -73,14 +73,14 @@ def reference_noise(drive: Drive) -> ReferenceNoise:
     )
 
 
-#: A derivative with respect to time is a difference over at least one row to either side, and no less than this, for
-#: truth that is written to the millimetre; and over so much that the noise of the positions makes no more of the speed,
-#: but no longer than a vehicle moves evenly.
+#: Limits of the time over which derivatives with respect to time are differences. It is at least one row and
+#: ``SHORTEST_S``, since truth may be written to the millimetre. It is long enough that position noise adds at most
+#: ``RATE_NOISE_MPS`` to the speed, and at most ``LONGEST_S``, in which a vehicle moves evenly.
 SHORTEST_S, RATE_NOISE_MPS, LONGEST_S = 0.01, 0.15, 0.5
 
 
-def _interpolated(rows: Array, time: Array) -> Array:
-    """Variance of a value interpolated linearly between rows of unit variance: one at a row, a half in the middle."""
+def _interpolation_variance(rows: Array, time: Array) -> Array:
+    """Return the variance of a linear interpolation between rows of unit variance: 1 at a row, 1/2 in the middle."""
     if len(rows) < 2:
         return np.ones_like(time)
     after = np.clip(np.searchsorted(rows, time, side="right"), 1, len(rows) - 1)
@@ -88,54 +88,54 @@ def _interpolated(rows: Array, time: Array) -> Array:
     return np.asarray((1 - between) ** 2 + between**2)
 
 
-#: The velocity is compared with the displacement over windows of this length, s.
+#: Length of the windows in which velocity and displacement are compared, s.
 WINDOW = 0.5
-#: The largest difference that passes, m/s: the range-rate noise of a good automotive radar.
+#: Largest difference that is no fault, m/s: the range-rate noise of a good automotive radar.
 TOLERANCE_MPS = 0.1
-#: As many windows are taken together as bring the difference that the noise of the positions makes below this, m/s. At
-#: half of the tolerance the median of few windows still passed it in one of a thousand logs; so in one of 100 000.
+#: Windows are joined until position noise makes a difference below this, m/s. At half of the tolerance, one sound log
+#: in a thousand was still found at fault; at this value, one in 100 000.
 NOISE_MPS = 0.4 * TOLERANCE_MPS
-#: A scale this near to that of another unit is taken for it.
+#: Largest relative distance of a velocity's scale from another unit's at which that unit is assumed.
 NEAR = 0.03
-#: Windows of motion without which nothing is said of an object.
+#: Fewest windows of motion by which an object's velocity is checked.
 FEWEST = 4
 
 
 @dataclass(frozen=True)
 class VelocityCheck:
-    """The velocity of one body of the truth beside its displacement."""
+    """Comparison of a body's velocity in the truth with its displacement."""
 
     name: str
     difference: float
-    """Median length of the difference of the two velocities, m/s, over windows that the noise makes longer."""
+    """Median length of the difference of the two velocities, m/s."""
     scale: float
-    """The displacement's velocity is this many times the stated one."""
+    """Ratio of the displacement's velocity to the stated one."""
     unit: str | None
-    """The unit in which the stated speed would fit, if it is another one."""
+    """Other unit in which the stated speed would fit; None where no other unit fits."""
 
     @property
     def contradicts(self) -> bool:
-        """Whether the velocity cannot be that of the motion."""
+        """Whether the stated velocity contradicts the displacement."""
         return self.difference > TOLERANCE_MPS
 
 
 def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck | None:
-    """Compare the velocity of a body with its displacement; None where it is too short."""
-    # Rows between which windows of at least the wanted length lie.
+    """Compare the velocity of a body with its displacement; None where the recording is too short."""
+    # Rows that bound windows of at least the wanted length.
     rows = [0]
     for row, instant in enumerate(motion.time.tolist()):
         if instant - motion.time[rows[-1]] >= WINDOW * (1 - 1e-9):
             rows.append(row)
     edges = np.array(rows, dtype=np.intp)
     noise = body_sigmas(motion)[0]
-    # The median length of a difference of two positions with this noise, over what it may make of the velocity.
+    # Median length of a difference of two noisy positions, over the difference allowed in the velocity.
     longest = np.sqrt(2) * np.sqrt(2 * np.log(2)) * noise / NOISE_MPS
     wide = edges[:: max(1, int(np.ceil(longest / WINDOW)))]
     if len(wide) <= FEWEST:
         return None
     position, by_velocity = np.stack([motion.px, motion.py]), travelled(motion)
     dt = np.diff(motion.time[edges])
-    moved, stated = (np.diff(place[:, edges], axis=1) / dt for place in (position, by_velocity))
+    moved, stated = (np.diff(path[:, edges], axis=1) / dt for path in (position, by_velocity))
     usual = float(np.median(np.hypot(*np.diff((position - by_velocity)[:, wide], axis=1)) / np.diff(motion.time[wide])))
     square = float((stated**2).sum())
     scale = float((moved * stated).sum() / square) if square > 0 else 1.0
@@ -146,19 +146,19 @@ def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck
     return VelocityCheck(name, usual, scale, fits)
 
 
-#: The errors of time and mounting that every sensor may have, with their units.
+#: Errors of time and mounting that every sensor may have, with their units.
 POSE_ERRORS = {"time_offset": "s", "mount_yaw": "rad", "mount_x": "m", "mount_y": "m"}
-#: How far the measured point of a body is ahead of the truth's, along its heading, m.
+#: Name of the error that the measured point of a body lies ahead of the truth's point, along the heading, m.
 BODY_POINT = "body_point"
-#: A slower body without a stated heading keeps the course that it had, m/s.
+#: Speed below which a body without a stated heading keeps its last course, m/s.
 SLOW_MPS = 0.5
-#: Steps of central differences; a time offset is differentiated over the rows of the reference.
+#: Steps of central differences; the step of a time offset depends on the rows of the reference.
 _STEPS = {"mount_yaw": 1e-4, **dict.fromkeys((BODY_POINT, "mount_x", "mount_y", "px", "py", "vx", "vy"), 1e-3)}
 
 
 @dataclass(frozen=True)
 class SensorLog:
-    """One sensor's part of a log, one row a detection within the time of the truth."""
+    """Measurements of one sensor in a log, one row for each detection within the time of the truth."""
 
     name: str
     config: Sensor
@@ -166,20 +166,19 @@ class SensorLog:
     drive: Drive
     truth: RecordingTruth
     noise: ReferenceNoise
-    """Of the drive."""
+    """Noise of the reference."""
     factors: Array
-    """``(m,)`` what each component is multiplied by, where its unit was found to be another."""
+    """Factor on each component, ``(m,)``; it differs from 1 where the unit was found to be wrong."""
 
     @property
     def components(self) -> tuple[str, ...]:
-        """Names of the components of a measurement."""
         return self.config.components
 
     @property
     def errors(self) -> dict[str, str]:
-        """All errors that are looked for, with their units: of time, mounting, components and the measured point.
+        """Errors that the audit looks for, with their units: time, mounting, biases and the measured point.
 
-        A bias of the azimuth is in any log the same as a turned mount, and one of a position as a mount elsewhere.
+        Azimuth and positions have no bias of their own, since no log can tell it from a turned or displaced mount.
         """
         units = zip(self.components, self.config.units, strict=True)
         biases = {f"bias_{name}": unit for name, unit in units if name not in (*CARTESIAN, "azimuth")}
@@ -187,19 +186,19 @@ class SensorLog:
 
     @property
     def measurement(self) -> Array:
-        """``(m, rows)``."""
+        """Measurements in the units that were found to be right, ``(m, rows)``."""
         return self.log.measurement * self.factors[:, None]
 
-    def rows(self, kept: Indices) -> SensorLog:
-        """The log of some of its rows."""
+    def rows(self, numbers: Indices) -> SensorLog:
+        """Return the log with only the rows of some numbers."""
         log = self.log
-        chosen = log._replace(time=log.time[kept], object=log.object[kept], measurement=log.measurement[:, kept])
-        return replace(self, log=chosen)
+        time, owner, measurement = log.time[numbers], log.object[numbers], log.measurement[:, numbers]
+        return replace(self, log=log._replace(time=time, object=owner, measurement=measurement))
 
     def expected(self, errors: Mapping[str, float]) -> Array:
-        """``(m, rows)`` the noise-free measurement, were the errors these; NaN outside the truth.
+        """Return the noise-free measurements ``(m, rows)`` of a sensor with some errors; NaN outside the truth.
 
-        Errors are those of the sensor, and "px", "py", "vx", "vy" of the truth of all objects.
+        Beside the sensor's errors, "px", "py", "vx" and "vy" are errors of the truth of all objects.
         """
         time = self.log.time + errors.get("time_offset", 0.0)
         target = self.target(time, self.log.object, errors.get(BODY_POINT, 0.0))
@@ -210,42 +209,42 @@ class SensorLog:
         return np.asarray(seen + biases[:, None])
 
     def residual(self, errors: Mapping[str, float]) -> Array:
-        """``(m, rows)`` measurement minus what is expected, angles wrapped."""
+        """Return measurement minus expected measurement ``(m, rows)``, angles wrapped."""
         return difference(self.measurement, self.expected(errors), self.config.angular)
 
     def polar(self, time: Array, owner: Indices, errors: Mapping[str, float]) -> Array:
-        """``(2, n)`` true range and azimuth of objects from the sensor at some times of its clock."""
+        """Return true range and azimuth ``(2, n)`` of objects from the sensor, at times of the sensor's clock."""
         at = time + errors.get("time_offset", 0.0)
         motion = sensor_motion(self.observer(at), self._mount(errors))
         return np.asarray(Radar.measure(self.target(at, owner), motion.pose, motion.velocity)[:2])
 
     def target(self, time: Array, owner: Indices, ahead: float = 0.0) -> Array:
-        """Return px, py, vx, vy of objects, ``(4, n)``; NaN where their truth, or the observer's, is not known.
+        """Return px, py, vx, vy of objects, ``(4, n)``; NaN where the truth of object or observer is unknown.
 
         Args:
-            time: ``(n,)`` s.
-            owner: ``(n,)`` number of the object.
-            ahead: m, how far in front of the truth's point the state is taken.
+            time: times ``(n,)``, s.
+            owner: number of the object, ``(n,)``.
+            ahead: distance of the returned point in front of the truth's point, m.
         """
         state = np.full((4, len(time)), np.nan)
         for number, motion in enumerate(self.drive.motions.values()):
             motion = _moved_along_course(motion, ahead)
             first, last = self.drive.span(number)
-            own = (owner == number) & (time >= first) & (time <= last)
+            is_own = (owner == number) & (time >= first) & (time <= last)
             for row, values in enumerate((motion.px, motion.py, motion.vx, motion.vy)):
-                state[row, own] = np.interp(time[own], motion.time, values)
+                state[row, is_own] = np.interp(time[is_own], motion.time, values)
         return state
 
     def observer(self, time: Array) -> Observer:
-        """What carries the sensor."""
+        """Return the motion of the sensor's carrier at some times."""
         if self.drive.observer is None:
             return fixed_observer(self.truth.observer, len(time))
         return carrier(self.drive.observer, time)
 
     def derivatives(self, errors: Mapping[str, float], names: list[str]) -> Array:
-        """``(p, m, rows)`` of what is expected with respect to each of the errors, by central differences."""
-        # Between two rows the derivative would have the noise of the reference that the residual has. Over a whole
-        # interval to either side, what the two have of the same rows cancels.
+        """Return the derivatives ``(p, m, rows)`` of the expected measurement by errors, from central differences."""
+        # Between two rows the derivative by time would have the same reference noise as the residual. Over a whole
+        # interval to either side, the noise of common rows cancels.
         steps = {**_STEPS, "time_offset": self.noise.reach_s}
         columns = []
         for name in names:
@@ -260,7 +259,7 @@ class SensorLog:
         return np.stack(columns)
 
     def reference_variance(self, errors: Mapping[str, float]) -> Array:
-        """``(m, rows)`` what the noise of the reference adds to the variance of a residual."""
+        """Return the variance ``(m, rows)`` that noise of the reference adds to the residual."""
         derivatives = self.derivatives(errors, ["px", "py", "vx", "vy", "mount_yaw"])
         variance = self.noise.variance(self.log.time + errors.get("time_offset", 0.0), self.log.object)
         return np.asarray(np.einsum("pmr,pr->mr", derivatives**2, variance))
@@ -277,7 +276,7 @@ class SensorLog:
 
 
 def _moved_along_course(motion: Motion, ahead: float) -> Motion:
-    """A body without a heading that never moves has no front, and stays."""
+    # A body without a heading that never moves has no front, so that its point cannot be moved ahead.
     heading, moves = motion.heading, np.hypot(motion.vx, motion.vy) > SLOW_MPS
     if ahead and heading is None and moves.any():
         course = np.unwrap(np.arctan2(motion.vy, motion.vx)[moves])
@@ -287,54 +286,47 @@ def _moved_along_course(motion: Motion, ahead: float) -> Motion:
 
 @dataclass(frozen=True)
 class Clock:
-    """The times of one sensor's rows, or of the truth's."""
+    """Times of a sensor's rows, or of the truth's rows."""
 
     name: str
     order: RowOrder
     outside: int
-    """Rows outside the time of the truth."""
+    """Number of rows outside the time of the truth."""
     usual_s: float | None
-    """Median interval between different times."""
+    """Median interval between different times; None with a single time."""
     longest_gap_s: float
 
 
 def clock_of(name: str, time: Array, order: RowOrder, outside: int = 0) -> Clock:
-    """Return what there is to say of some times.
-
-    Args:
-        name: of the sensor, or "truth".
-        time: ``(rows,)`` s.
-        order: in which the rows stand in the file.
-        outside: rows outside the time of the truth.
-    """
+    """Return the clock of a sensor or the truth from the times ``(rows,)``, s, and the order of its rows."""
     intervals = np.diff(np.unique(time))
     if not len(intervals):
         return Clock(name, order, outside, None, 0.0)
     return Clock(name, order, outside, float(np.median(intervals)), float(intervals.max()))
 
 
-#: Another unit must make the spread of the residuals smaller by this factor.
+#: Factor by which another unit must reduce the spread of the residuals.
 CLEARLY = 3.0
 
 
 @dataclass(frozen=True)
 class WrongUnit:
-    """A component that fits the truth in another unit."""
+    """Component of a measurement that fits the truth in another unit or with the other sign."""
 
     component: str
     stated: str
     fits: str
-    """The unit in which it fits."""
+    """Unit in which the component fits."""
     turned: bool
-    """Whether it also counts the other way."""
+    """Whether the sign is reversed."""
     factor: float
-    """What the measurement, as read, is to be multiplied by."""
+    """Factor that corrects the measurement as read."""
     spread: tuple[float, float]
-    """Spread of the residuals as stated and in the other unit, SI units and rad."""
+    """Spread of the residuals in the stated and in the fitting unit, SI units and rad."""
 
 
 def wrong_units(log: SensorLog) -> Iterator[WrongUnit]:
-    """The components whose residuals get clearly smaller in another unit."""
+    """Yield the components whose residuals get clearly smaller in another unit."""
     entry = log.truth.measurements.get(log.name) or MeasurementColumns()
     expected = log.expected({})
     for i, (name, unit) in enumerate(zip(log.components, log.config.units, strict=True)):
@@ -352,14 +344,14 @@ def wrong_units(log: SensorLog) -> Iterator[WrongUnit]:
         }
         spreads = {choice: _spread(factor * measured, wanted, circular) for choice, factor in choices.items()}
         best = min(spreads, key=spreads.__getitem__)
-        # What has become nearly zero fits as well as the truth itself changes.
-        own = _spread(np.zeros_like(wanted), wanted, circular)
-        if best != (stated, False) and CLEARLY * spreads[best] < min(as_read, own):
+        # A factor that makes the measurement nearly zero fits as well as the truth varies.
+        zero_spread = _spread(np.zeros_like(wanted), wanted, circular)
+        if best != (stated, False) and CLEARLY * spreads[best] < min(as_read, zero_spread):
             yield WrongUnit(name, stated, best[0], best[1], choices[best], (as_read, spreads[best]))
 
 
 def _spread(measured: Array, wanted: Array, circular: bool) -> float:
-    """Median distance of the residuals from their middle."""
+    """Return the median distance of the residuals from their median."""
     residual = measured - wanted
     if circular:
         middle = np.angle(np.mean(np.exp(1j * residual)))

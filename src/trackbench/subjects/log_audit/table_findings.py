@@ -1,4 +1,4 @@
-"""Findings on the tables of a log: its clocks, its truth and its observer."""
+"""The findings on a log's clocks, truth and observer."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Motion, slope
 from trackbench.truth.sources import RecordingTruth
 
-#: The truth of a log, and what was read of its files.
+#: Truth of a log as configured, and as read from its files.
 Recorded = tuple[RecordingTruth, Drive]
-#: Rows of one object of the truth that are further apart than this leave a hole, s, and in usual intervals.
+#: Smallest hole between two rows of an object of the truth, s, and in median intervals; both must be exceeded.
 HOLE_S, HOLE = 1.0, 5.0
-#: More rows than this share without truth are no matter of the first and the last ones.
+#: Largest share of rows outside the time of the truth that is no finding.
 OUTSIDE = 0.1
-#: A yaw rate is that of the yaw, in another unit, if the two are correlated by more than this.
+#: Correlation of the yaw rate with the yaw's slope above which the two may differ in their unit alone.
 ALIKE = 0.5
 
 
 def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None]) -> Iterator[LogFinding]:
-    """Rows out of order, repetitions, and rows at other times than the truth.
+    """Yield findings on rows that are out of order, repeated, or at times without truth.
 
     Args:
-        clocks: of the truth and of the sensors.
-        periods: of the sensors, s; within half of one, rows of several objects may stand in any order.
+        clocks: clocks of the truth and of the sensors.
+        periods: scan periods of the sensors, s; rows within half a period may stand in any order.
     """
     for clock in clocks:
         order, sensor = clock.order, None if clock.name == "truth" else clock.name
@@ -63,19 +63,19 @@ def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None])
 
 
 def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """Velocities that contradict the motion, of all objects of one wrong unit together."""
-    alike: dict[str | None, list[VelocityCheck]] = {}
+    """Yield a finding on the velocities that contradict the motion, one for each wrong unit."""
+    by_unit: dict[str | None, list[VelocityCheck]] = {}
     for check in checks:
         if check.contradicts:
-            own = check.unit if check.unit is not None and check.name != "observer" else None
-            alike.setdefault(own, []).append(check)
+            fitting_unit = check.unit if check.unit is not None and check.name != "observer" else None
+            by_unit.setdefault(fitting_unit, []).append(check)
     columns = truth.columns
-    for unit, same in alike.items():
+    for unit, faults in by_unit.items():
         changes = {}
         if unit is not None and columns is not None:
             keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
             changes = {f"truth.columns.units.{key}": unit for key in keys}
-        names, worst = ", ".join(check.name for check in same), max(same, key=lambda check: check.difference)
+        names, worst = ", ".join(check.name for check in faults), max(faults, key=lambda check: check.difference)
         yield LogFinding(
             kind="truth_velocity",
             sensor=None,
@@ -93,13 +93,7 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
 
 
 def ego_findings(loaded: Scenario, recorded: Recorded, sensors: Mapping[str, SensorLog]) -> Iterator[LogFinding]:
-    """Yield the column of the observer's yaw, or else of its yaw rate, that fits in another unit.
-
-    Args:
-        loaded: the scenario.
-        recorded: the log as it is read.
-        sensors: measurements of the log by sensor.
-    """
+    """Yield a finding if the observer's yaw, or else its yaw rate, fits in another unit."""
     truth, drive = recorded
     ego, motion = truth.ego, drive.observer
     if ego is None or motion is None or motion.heading is None:
@@ -112,25 +106,25 @@ def ego_findings(loaded: Scenario, recorded: Recorded, sensors: Mapping[str, Sen
             "yaw", yaw_unit, f"The errors of the sensors are {ratio:.2g} times as large as read (median)."
         )
     elif motion.yaw_rate is not None:
-        slope_of_yaw, rate = slope(np.unwrap(motion.heading), motion.time), motion.yaw_rate
-        product, square = float(slope_of_yaw @ rate), float(rate @ rate)
-        correlation = product / max(np.sqrt(square * float(slope_of_yaw @ slope_of_yaw)), 1e-300)
+        yaw_slope, rate = slope(np.unwrap(motion.heading), motion.time), motion.yaw_rate
+        product, square = float(yaw_slope @ rate), float(rate @ rate)
+        correlation = product / max(np.sqrt(square * float(yaw_slope @ yaw_slope)), 1e-300)
         scale = product / max(square, 1e-300)
         if correlation > ALIKE and abs(np.log(scale / _other_angle(rate_unit)[1])) < np.log(CLEARLY):
             yield _ego_finding("yaw_rate", rate_unit, f"The yaw changes {scale:.3g} times as fast as it says.")
 
 
 def _other_angle(unit: str) -> tuple[str, float]:
-    """Return the other unit of an angle, and what a value that was read in the first is to be multiplied by."""
+    """Return the other unit of an angle, and the factor that corrects a value read in the wrong unit."""
     other = "deg" if unit == "rad" else "rad"
     return other, UNITS["angle"][other] / UNITS["angle"][unit]
 
 
 def _error_ratio(sensors: Mapping[str, SensorLog], others: Mapping[str, SensorLog]) -> float:
-    """Return the errors in one reading of a log over the errors in another: the geometric mean over all components."""
+    """Return the ratio of the sensors' errors in two readings of a log, a geometric mean over all components."""
     logarithms: list[float] = []
-    for sensor, again in zip(sensors.values(), others.values(), strict=True):
-        sizes = np.abs([sensor.residual({}), again.residual({})])
+    for sensor, other in zip(sensors.values(), others.values(), strict=True):
+        sizes = np.abs([sensor.residual({}), other.residual({})])
         known = np.isfinite(sizes).all(axis=(0, 1))
         if known.any():
             medians = np.maximum(np.median(sizes[:, :, known], axis=2), 1e-12)
@@ -146,7 +140,7 @@ def _ego_finding(key: str, unit: str, evidence: str) -> LogFinding:
 
 
 def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:
-    """Objects whose truth has holes, through which it is drawn as a straight line."""
+    """Yield a finding on each object whose truth has holes, which are bridged by a straight line."""
     for name, motion in motions.items():
         intervals = np.diff(motion.time)
         if not len(intervals):
