@@ -1,4 +1,7 @@
-"""A run as a Rerun recording: the scene of one Monte-Carlo run, and the scores over all of them."""
+"""Rerun recordings of runs: the scene of one Monte-Carlo run, and the scores over all runs.
+
+A ``Result`` comes in; ``recording.rrd``, pictures and printed moments go out. Read ``writer.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

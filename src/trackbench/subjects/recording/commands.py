@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--at``, ``--worst``, ``--vehicle``, ``--tracker`` and ``--function``; the command gets an ``opening``."""
+    """Add the options of an opening (``--at``, ``--worst``, ...) to a command, which gets them as ``opening``."""
 
     @click.option("--at", "at_s", type=Finite(0), metavar="T", help="At this time, in seconds.")
     @click.option(
@@ -34,9 +34,9 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
         metavar="[N]",
         help="At the largest position error, or the Nth largest; with hidden identities at the costliest event.",
     )
-    @click.option("--vehicle", metavar="NAME", help="Of this vehicle; its scene and plots in a picture.")
-    @click.option("--tracker", metavar="NAME", help="Of this tracker.")
-    @click.option("--function", metavar="NAME", help="With --worst: of the events of this function.")
+    @click.option("--vehicle", metavar="NAME", help="Only moments of this vehicle; a view centres on it.")
+    @click.option("--tracker", metavar="NAME", help="Only moments of this tracker; with hidden identities its tracks.")
+    @click.option("--function", metavar="NAME", help="With --worst: only events of this function.")
     @functools.wraps(command)
     def wrapped(*arguments: Any, **options: Any) -> None:
         from trackbench.subjects.recording.focus import Opening
@@ -46,7 +46,7 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
         if opening.at_s is not None and opening.worst is not None:
             raise click.UsageError("--at and --worst are two times: give one of them")
         if opening.function is not None and opening.worst is None:
-            raise click.UsageError("--function names whose worst events are meant: give --worst with it")
+            raise click.UsageError("--function chooses whose worst events count: give --worst with it")
         command(*arguments, opening=opening, **options)
 
     return wrapped
@@ -118,13 +118,13 @@ def inspect_command(run: Path, opening: Opening) -> None:
     inspect(run, opening, Console(file=answer(), highlight=False, markup=False, emoji=False))
 
 
-def _add(command: Callable[..., Any]) -> Callable[..., Any]:
+def _add_live_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--live", is_flag=True, help="Show the run in the Rerun viewer as it goes.")(command)
 
 
 @contextmanager
-def _follow(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[Live | None]:
-    """Yield the connection to the viewer; a viewer that cannot start or gets lost is only a note on stderr."""
+def _connect_viewer(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[Live | None]:
+    """Yield the connection to the viewer; a viewer that fails to start or is lost leaves only a note on stderr."""
     if not values["live"]:
         yield None
         return
@@ -152,4 +152,4 @@ def _follow(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[Liv
             click.echo("the viewer was lost; the run went on without it", err=True)
 
 
-RUN_OPTIONS = RunOptions(_add, _follow)
+RUN_OPTIONS = RunOptions(_add_live_option, _connect_viewer)

@@ -1,4 +1,4 @@
-"""What a recording shows of a run, and the texts beside it."""
+"""The contents of a recording: the tables that it draws, and the texts beside them."""
 
 from __future__ import annotations
 
@@ -19,72 +19,72 @@ from trackbench.results import MOST_DRAWN, Result, Tables
 from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
 from trackbench.subjects.recording.focus import Focus, moment_of
-from trackbench.subjects.recording.thinning import AROUND_S, MOST, WORST, instants, thinned
+from trackbench.subjects.recording.thinning import AROUND_S, MOST, WORST, instants, thin_tables
 
 
 @dataclass(frozen=True)
 class Contents:
-    """What is drawn of a run."""
+    """Tables, colours and names that a recording draws."""
 
     result: Result
     colours: Mapping[str, str]
-    """Colour by tracker, of those that are drawn."""
+    """Colour of each drawn tracker, by name."""
     tables: Tables
-    """Tables with the rows of the drawn trackers."""
+    """Tables with the rows of the drawn trackers, at all instants."""
     scene: Tables
-    """Those tables at the instants that are kept, see :func:`thinned`."""
-    kept: Tables
-    """Tables of all trackers at these instants."""
-
+    """Tables with the rows of the drawn trackers, at the instants of :func:`thin_tables`."""
+    stored: Tables
+    """Tables with the rows of all trackers, at the instants of :func:`thin_tables`."""
     vehicles: list[str]
-    """Names of the vehicles that are tracked."""
+    """Names of the tracked vehicles."""
     sensors: Mapping[str, SensorSummary]
     hidden: bool
     """Whether the identities of the vehicles are hidden from the trackers."""
     decisions: pa.Table
-    """Decisions of functions; without rows where there are none."""
+    """Table of the decisions of functions; empty without functions."""
 
     @cached_property
     def moment(self) -> Focus:
-        """A moment that is worth seeing first."""
+        """Moment that is worth seeing first."""
         return moment_of(self.result)
 
     @property
     def plotted(self) -> Mapping[str, str]:
-        """Colour by tracker, of those that have lines in the plots: a baseline would cover the others."""
+        """Colour of each tracker with lines in the plots, by name; no baselines, whose lines would cover others."""
         baselines = {tracker.name for tracker in self.result.summary.trackers if tracker.baseline}
         shown = {name: colour for name, colour in self.colours.items() if name not in baselines}
         return shown or self.colours
 
     @property
     def function_events(self) -> list[FunctionEvent]:
-        """Events of functions in the recorded run in which something was wrong."""
+        """Wrong decisions of functions in the recorded run."""
         run, functions = self.result.summary.recorded_run, split(self.decisions, "function")
         events = (event for (function,) in functions for event in function_events(self.result, function, run=run))
         return [event for event in events if event.tracker in self.colours]
 
     @property
     def mapped(self) -> Mapping[str, str]:
-        """Colour by tracker, of those that have a map: all that are plotted, where they estimate known objects."""
+        """Colour of each tracker with a map, by name: all plotted ones with known identities, none with hidden ones."""
         return {} if self.hidden or not self.tables.if_there("estimates").num_rows else self.plotted
 
 
 def contents_of(result: Result) -> Contents:
-    """Return the contents of a recording of one run."""
+    """Return the contents of a run's recording."""
     drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
     names = [name for name in result if name in drawn]
     colours = tracker_colours({name: result.places[name] for name in names})
-    summary, kept = result.summary, thinned(result)
+    summary, stored = result.summary, thin_tables(result)
     tables, scene = (
-        Tables({name: of_trackers(table, names) for name, table in every.items()}) for every in (result.tables, kept)
+        Tables({name: rows_of_trackers(table, names) for name, table in source.items()})
+        for source in (result.tables, stored)
     )
     vehicles, hidden = list(summary.truth.objects), summary.identities == "hidden"
     decisions = tables.if_there("decisions")
-    return Contents(result, colours, tables, scene, kept, vehicles, summary.sensors, hidden, decisions)
+    return Contents(result, colours, tables, scene, stored, vehicles, summary.sensors, hidden, decisions)
 
 
-def of_trackers(table: pa.Table, trackers: list[str]) -> pa.Table:
-    """Return the rows of some trackers, or a table that is of none."""
+def rows_of_trackers(table: pa.Table, trackers: list[str]) -> pa.Table:
+    """Return the rows of some trackers; a table without trackers stays whole."""
     return table.filter(pc.is_in(table["tracker"], pa.array(trackers))) if "tracker" in table.column_names else table
 
 
@@ -97,14 +97,14 @@ IN_THE_PICTURE = (
 
 
 def ranking_text(result: Result) -> str:
-    """Return the verdict of a run, its expectations and its trackers in order, as Markdown."""
+    """Return the verdict of a run, its expectations and its ranked trackers, as Markdown."""
     return to_markdown(
         Document("recording", result.name, tuple(first_screen(result.listed, len(result.summary.trackers), None)))
     )
 
 
-def about_text(contents: Contents) -> str:
-    """Return what was run, what the picture shows, and how to run it again, as Markdown."""
+def description_text(contents: Contents) -> str:
+    """Return a description of the run and the picture, and the command that repeats the run, as Markdown."""
     result, summary = contents.result, contents.result.summary
     shown = f"Shown: Monte-Carlo run {summary.recorded_run} of {summary.runs}, seed {summary.seed}."
     blocks = (
@@ -118,11 +118,11 @@ def about_text(contents: Contents) -> str:
 
 
 def _left_out(contents: Contents) -> list[Paragraph]:
-    """Return what the recording of a long run leaves out, in words."""
-    drawn, every = (len(instants(tables)) for tables in (contents.kept, contents.result.tables))
+    """Return a paragraph on the instants that a long run's recording leaves out; nothing for a short run."""
+    drawn, number = (len(instants(tables)) for tables in (contents.stored, contents.result.tables))
     text = (
-        f"Of {every:,} instants {drawn:,} are in this file: evenly spaced, within {AROUND_S:g} s of the moment worth"
+        f"Of {number:,} instants {drawn:,} are in this file: evenly spaced, within {AROUND_S:g} s of the moment worth"
         f" seeing first, and the {WORST} worst of each tracker and vehicle. Lines of plots have the lowest and the"
         f" highest value in each of {MOST // 2:,} stretches of time. The folder of the run has every instant."
     )
-    return [Paragraph(text)] if drawn < every else []
+    return [Paragraph(text)] if drawn < number else []

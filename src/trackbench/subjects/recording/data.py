@@ -1,6 +1,6 @@
-"""The numbers of a run inside its recording, in full precision, and a run read back from them or from its folder.
+"""The data of a run inside its recording, and the reading of a run from a recording or a folder.
 
-What is drawn is rounded to single precision. The entity ``data`` keeps the summary as JSON and each table as Parquet.
+Drawings have single precision. The entity ``data`` keeps the summary as JSON and tables as Parquet in full precision.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from trackbench.results.metric_value import model_of
 if TYPE_CHECKING:
     from trackbench.subjects.recording.stream import Stream
 
-#: The tables that are kept for ``inspect``, with known and with hidden identities; beside them those of functions.
+#: Tables that a recording stores for ``inspect``, by kind of identities; tables of functions are stored as well.
 TABLES = {
     "known": ("truth", "estimates", "differences"),
     "hidden": ("truth", "tracks", "due", "events", "objects", "differences"),
 }
-#: The entity with the data of a run, and its component with the summary; the others are its tables.
+#: Entity with the data of a run, and its component with the summary; each other component is a table.
 DATA, SUMMARY_COMPONENT = "/data", "summary"
-#: The name of a recording in the folder of its run.
+#: Name of the recording in the folder of a run.
 RECORDING = "recording.rrd"
-#: The first bytes of a recording, which the version of Rerun that wrote it follows.
+#: First bytes of a recording; the version of Rerun that wrote it follows.
 MAGIC = b"RRF2"
 
 
 def send_data(stream: Stream, result: Result, tables: Tables) -> None:
-    """Send the summary and the ``tables``; of the events those of the recorded run."""
-    # To read a run, this process need not wait for it.
+    """Send the summary and the tables that ``inspect`` needs, with the events of the recorded run alone."""
+    # Imported late, since reading a run does not need it.
     import rerun as rr
 
     components: dict[str, Any] = {}
-    own = [name for name in ("decisions", "function_events") if name in tables]
-    for name in (*TABLES[result.summary.identities], *own):
+    function_tables = [name for name in ("decisions", "function_events") if name in tables]
+    for name in (*TABLES[result.summary.identities], *function_tables):
         table = tables.if_there(name)
         if name == "events" and table.num_rows:
             table = table.filter(pc.equal(table["run"], float(result.summary.recorded_run)))
@@ -61,28 +61,28 @@ def send_data(stream: Stream, result: Result, tables: Tables) -> None:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A run read back."""
+    """Run that was read from a folder or a recording."""
 
     result: Result
-    """The run, from a recording with the tables of :data:`TABLES` alone."""
+    """Result of the run; read from a recording it has only the tables of :data:`TABLES`."""
     path: Path
-    """The folder or the recording that was read."""
+    """Folder or recording that was read."""
     recording: Path | None
-    """The recording that the viewer can open; None where there is none."""
+    """Recording that the viewer can open; None where there is none."""
 
 
 def read(path: Path) -> Recorded:
-    """Return the run of a folder, from its tables, or of a recording (.rrd).
+    """Read a run from its folder or from its recording (.rrd).
 
     Raises:
-        InputError: there is none, it is not whole or not one of trackbench, or Rerun cannot read it.
+        InputError: the path has no run of trackbench, or the recording is damaged or unreadable for Rerun.
     """
     if path.is_dir():
         file = path / RECORDING
         return Recorded(Result.load(path), path, file if file.is_file() and _is_current(file) else None)
     _require_recording(path)
     try:
-        # Rerun's reader ends its process over some damaged files, and says so on stderr.
+        # Rerun's reader ends its process on some damaged files, with a message on stderr.
         with ProcessPoolExecutor(1, get_context("spawn"), os.close, (2,)) as pool:
             data = pool.submit(read_data, path).result()
         summary = json.loads(data.pop(SUMMARY_COMPONENT)) if data else None
@@ -97,13 +97,13 @@ def read(path: Path) -> Recorded:
 
 
 def read_data(path: Path) -> dict[str, bytes]:
-    """Return the components of the entity of data by name; none of another program's recording."""
-    # This is what rerun.chunk.RrdReader reads with; to import rerun takes longer than to read a recording.
+    """Return the components of the data entity by name; empty for another program's recording."""
+    # rerun.chunk.RrdReader uses this reader; importing rerun takes longer than reading a recording.
     from rerun_bindings import RrdReaderInternal
 
     reader = RrdReaderInternal(str(path))
     chunks = reader.stream() if any(entry.kind == "recording" for entry in reader.store_entries()) else ()
-    # All chunks are gone through, so that a damaged one is noticed.
+    # All chunks are read, so that a damaged one is noticed.
     batches = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == DATA and chunk.is_static]
     return {
         name: str(values[0]).encode() if str(values.type) == "string" else values.to_numpy().tobytes()
@@ -128,7 +128,7 @@ def _require_recording(path: Path) -> None:
 
 
 def _is_current(path: Path) -> bool:
-    """Return whether this version of Rerun wrote a file."""
+    """Return whether the installed version of Rerun wrote a file."""
     head = _head(path)
     return head.startswith(MAGIC) and ".".join(map(str, head[4:7])) == version_of("rerun-sdk")
 

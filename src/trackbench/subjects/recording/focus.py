@@ -1,4 +1,4 @@
-"""Where a recording opens: at a time, with a vehicle in the middle."""
+"""The time and the vehicle at which a recording opens."""
 
 from __future__ import annotations
 
@@ -18,47 +18,46 @@ Moment = EstimateMoment | TrackEvent | FunctionEvent
 
 @dataclass(frozen=True)
 class Opening:
-    """Where the viewer is asked to open; unless stated, with the whole scene from the start."""
+    """Request of the user where the viewer opens; by default with the whole scene, at the start."""
 
     at_s: float | None = None
     worst: int | None = None
-    """At the moment of the largest position error, the second largest, and so on."""
+    """Rank of the moment among the worst ones: 1 for the largest position error or costliest event."""
     vehicle: str | None = None
     tracker: str | None = None
-    """Whose error is the worst; unless stated, that of any contender that filters. With hidden identities also whose
-    tracks are shown."""
+    """Tracker whose moments count; None for all contenders that filter. With hidden identities its tracks are shown."""
     function: str | None = None
-    """At the worst event of this one in the recorded run."""
+    """Assistance function whose wrong decisions count as the worst moments."""
 
 
 @dataclass(frozen=True)
 class Focus:
-    """What is looked at first; unless stated, the whole scene from the start."""
+    """Time and vehicle at which a recording opens; by default the whole scene, at the start."""
 
     vehicle: str | None = None
     time_s: float | None = None
     error_m: float = 0.0
-    """A position error that the plot of the vehicle has to show."""
+    """Position error that the vehicle's plot must show."""
     tracker: str | None = None
-    """Where identities are hidden, the one whose tracks are shown."""
+    """Tracker whose tracks are shown, with hidden identities."""
     function: str | None = None
-    """Whose lanes are shown."""
-    beside: tuple[float, float] = (0.0, 0.0)
-    """Where identities are hidden, the place of the event from the vehicle in the middle, m in x and y."""
+    """Assistance function whose lanes are shown."""
+    offset: tuple[float, float] = (0.0, 0.0)
+    """Position of the event relative to the vehicle in the middle, with hidden identities, m in x and y."""
 
 
 def focus_of(result: Result, opening: Opening) -> Focus:
-    """Return what a run opens with.
+    """Return the focus with which a run opens.
 
     Raises:
-        InputError: a vehicle, tracker, time or moment that it does not have.
+        InputError: the run lacks the vehicle, tracker, time or moment.
     """
     moments = worst_moments(result, opening)
     if opening.worst is not None:
         if len(moments) < opening.worst:
             run, number = result.summary.recorded_run, counted(len(moments), "such moment")
             raise InputError(f"run {run}, which is recorded, has {number}", key="--worst")
-        return _focus_on(result, moments[opening.worst - 1])
+        return _focus_at(result, moments[opening.worst - 1])
     if opening.at_s is not None:
         require_time(result, opening.at_s)
         if opening.vehicle is not None:
@@ -67,20 +66,21 @@ def focus_of(result: Result, opening: Opening) -> Focus:
 
 
 def worst_moments(result: Result, opening: Opening) -> Sequence[Moment]:
-    """Return as many of the worst moments as an opening asks for, the worst first.
+    """Return the ``opening.worst`` worst moments of a run, the worst first.
 
-    They are events of its function; else with hidden identities what costs most; else the largest position errors.
+    They are wrong decisions of a function if the opening names one. Otherwise they are the costliest track events with
+    hidden identities, and the largest position errors with known ones.
 
     Args:
-        result: of the run.
-        opening: with the tracker and the vehicle of the moments.
+        result: result of the run.
+        opening: number of moments, and optionally their tracker, vehicle and function.
 
     Raises:
         InputError: the run has no such tracker, vehicle or function.
     """
     hidden, tracker, vehicle = result.summary.identities == "hidden", opening.tracker, opening.vehicle
     if tracker is not None:
-        _require_use_of_tracker(result, opening, tracker)
+        _require_tracker_fits(result, opening, tracker)
     if vehicle is not None:
         require_name(vehicle, result.summary.truth.objects, "vehicle")
     if opening.worst is None:
@@ -97,21 +97,21 @@ def worst_moments(result: Result, opening: Opening) -> Sequence[Moment]:
     return worst(estimates, trackers, opening.worst, vehicle)
 
 
-def _focus_on(result: Result, moment: Moment) -> Focus:
+def _focus_at(result: Result, moment: Moment) -> Focus:
     if isinstance(moment, EstimateMoment):
         return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
     tracker = moment.tracker if result.summary.identities == "hidden" else None
     if isinstance(moment, FunctionEvent):
         return Focus(moment.object or None, moment.time_s, tracker=tracker, function=moment.function)
-    vehicle, beside = _vehicle_at(result, moment)
-    return Focus(vehicle, moment.time_s, tracker=tracker, beside=beside)
+    vehicle, offset = _vehicle_at(result, moment)
+    return Focus(vehicle, moment.time_s, tracker=tracker, offset=offset)
 
 
 def require_time(result: Result, time: float) -> None:
-    """Make sure that a time, s, is one of a recording's.
+    """Refuse a time, s, outside the recording.
 
     Raises:
-        InputError: it is not.
+        InputError: the time is outside.
     """
     last = result.summary.truth.duration_s
     # The last instant may not be a round number.
@@ -120,15 +120,10 @@ def require_time(result: Result, time: float) -> None:
 
 
 def require_name(name: str, known: Iterable[str], what: str) -> str:
-    """Return a name if it is one of those known.
-
-    Args:
-        name: of a vehicle or tracker.
-        known: those in the recording.
-        what: "vehicle" or "tracker"; also the option that gives it.
+    """Return a name if it is among the known names of ``what``, "vehicle" or "tracker".
 
     Raises:
-        InputError: it is not.
+        InputError: the name is unknown.
     """
     names = list(known)
     if name not in names:
@@ -145,10 +140,10 @@ def _require_present(result: Result, vehicle: str, time_s: float) -> None:
 
 
 def moment_of(result: Result) -> Focus:
-    """Return a moment of the recorded run that is worth seeing first.
+    """Return the moment of the recorded run that is worth seeing first.
 
-    With functions, it is where the first is due. Else it is the largest error of any contender; with hidden identities
-    the costliest event of the best one.
+    With functions it is the moment when the first one should decide. Otherwise it is the largest error of any
+    contender, or with hidden identities the costliest event of the best contender.
     """
     for rows in split(result.tables.if_there("decisions"), "function").values():
         due = np.flatnonzero(rows["true_active"] > 0)
@@ -157,11 +152,11 @@ def moment_of(result: Result) -> Focus:
     hidden = result.summary.identities == "hidden"
     best = result.contenders[0].name if hidden and result.scored else None
     moments = worst_moments(result, Opening(worst=1, tracker=best))
-    return _focus_on(result, moments[0]) if moments else Focus()
+    return _focus_at(result, moments[0]) if moments else Focus()
 
 
-def _require_use_of_tracker(result: Result, opening: Opening, tracker: str) -> None:
-    """Require that a tracker is named for its worst moments, or, with hidden identities, for its tracks."""
+def _require_tracker_fits(result: Result, opening: Opening, tracker: str) -> None:
+    """Refuse a tracker that has no tracks, or with known identities one that is named without ``--worst``."""
     if result.summary.identities == "hidden":
         failed = result[require_name(tracker, list(result), "tracker")].failed
         if failed is not None:
@@ -171,18 +166,18 @@ def _require_use_of_tracker(result: Result, opening: Opening, tracker: str) -> N
 
 
 def costly_events(result: Result, tracker: str | None, vehicle: str | None) -> list[TrackEvent]:
-    """Return the events of the recorded run that cost something, of a tracker or the contenders, costliest first."""
+    """Return the events with a cost in the recorded run, of a tracker or all contenders, the costliest first."""
     events = events_of(result, tracker, result.summary.recorded_run, vehicle)
     names = [item.name for item in result.filtering] if tracker is None else [tracker]
     return [event for event in events if event.cost_m2 > 0 and event.tracker in names]
 
 
 def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:
-    """Return the vehicle of an event, or the nearest to it, and the place of the event seen from there, m."""
-    away = {}
+    """Return the vehicle of an event, or the nearest one, and the event's position relative to it, m."""
+    offsets = {}
     for (_, name), rows in split(result.tables.truth, "role", "object").items():
         step = int(np.searchsorted(rows["time_s"], event.time_s - 1e-9))
         if rows["alive"][step]:
-            away[name] = (float(event.x_m - rows["px_m"][step]), float(event.y_m - rows["py_m"][step]))
-    vehicle = event.object if event.object in away else min(away, key=lambda name: np.hypot(*away[name]))
-    return vehicle, away[vehicle]
+            offsets[name] = (float(event.x_m - rows["px_m"][step]), float(event.y_m - rows["py_m"][step]))
+    vehicle = event.object if event.object in offsets else min(offsets, key=lambda name: np.hypot(*offsets[name]))
+    return vehicle, offsets[vehicle]

@@ -1,4 +1,4 @@
-"""Decisions of functions in the recorded run: a lane for the truth and each tracker."""
+"""The decisions of assistance functions in the recorded run: one lane for the truth and one for each tracker."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from trackbench.results.columns import Columns, split
 from trackbench.subjects.recording.stream import Stream, path, rgba_of
 
 LANES = "functions"
-#: No tracker is called so, and it comes before all.
+#: Name of the truth's lane: no tracker has it, and it sorts first.
 TRUTH = "_truth"
-#: Of a lane in which something is wrong.
+#: Colour of a lane while a decision is wrong, by kind.
 WRONG = {"missed": ERROR_COLOURS[2], "late": ERROR_COLOURS[0], "false": ERROR_COLOURS[1]}
-#: In a lane, nothing is decided.
+#: State of a lane without a decision.
 NOTHING = ""
 
 
@@ -31,31 +31,31 @@ def send_functions(
     events: Iterable[FunctionEvent],
     colours: Mapping[str, str],
 ) -> None:
-    """Send the lanes of functions.
+    """Send the lanes of all functions.
 
     Args:
         stream: the recording.
-        decisions: the table.
+        decisions: table of decisions in the recorded run.
         events: wrong decisions in the recorded run.
-        colours: by tracker.
+        colours: colour of each tracker, "#RRGGBB" by name.
     """
     by_function: dict[str, dict[str, Columns]] = {}
     for (function, tracker), rows in split(decisions, "function", "tracker").items():
         by_function.setdefault(function, {})[tracker] = rows
     wrong = list(events)
-    for function, of_trackers in by_function.items():
-        first = next(iter(of_trackers.values()))
-        states = np.where(first["true_active"] > 0, _named(first["true_object"]), NOTHING)
+    for function, rows_by_tracker in by_function.items():
+        first = next(iter(rows_by_tracker.values()))
+        states = np.where(first["true_active"] > 0, _object_names(first["true_object"]), NOTHING)
         _send_lane(stream, (function, TRUTH), first["time_s"], states, TRUTH_COLOUR)
-        for tracker, rows in of_trackers.items():
-            own = [event for event in wrong if (event.function, event.tracker) == (function, tracker)]
-            _send_lane(stream, (function, tracker), rows["time_s"], lane(rows, own), colours[tracker])
+        for tracker, rows in rows_by_tracker.items():
+            tracker_events = [event for event in wrong if (event.function, event.tracker) == (function, tracker)]
+            _send_lane(stream, (function, tracker), rows["time_s"], lane(rows, tracker_events), colours[tracker])
 
 
 def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
-    """Return what a tracker's lane says at each instant: the object that is warned of, what is wrong, or nothing."""
+    """Return the state of a tracker's lane at each instant: the object of the decision, a kind of wrong, or nothing."""
     time, active = rows["time_s"], rows["active"] > 0
-    states = np.where(active, _named(rows["object"]), NOTHING)
+    states = np.where(active, _object_names(rows["object"]), NOTHING)
     for event in events:
         until = event.until_s if event.word == "false" else event.time_s + event.wrong_s
         inside = (time >= event.time_s - 1e-9) & (time < until - 1e-9)
@@ -65,14 +65,13 @@ def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
 
 
 def lanes_view() -> rrb.StateTimelineView:
-    """Return a view of the lanes of every function, one below the other."""
+    """Return the view with the lanes of all functions, one below the other."""
     return rrb.StateTimelineView(
         origin=path(LANES), name="Functions", time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
     )
 
 
-def _named(objects: Array) -> Array:
-    """Return the names of objects, with a text for tracks on no object."""
+def _object_names(objects: Array) -> Array:
     names = objects.astype(str)
     return np.where(names == "", "no object", names)
 

@@ -1,4 +1,4 @@
-"""The state of a recorded run at a time, and its worst moments, for a terminal."""
+"""The state of a recorded run at a time, and its worst moments, for the terminal."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from trackbench.subjects.recording.moments import ESTIMATE, MISSED, TRACK, momen
 
 
 def inspect(path: Path, opening: Opening, console: Console) -> None:
-    """Print the scores of the folder of a run or of a recording, or what it shows at a moment.
+    """Print the scores of a recorded run, its errors or tracks at a time, or its worst moments.
 
     Args:
-        path: the folder or the recording.
-        opening: with the time whose errors or tracks are printed, or the number of worst moments.
-        console: for the text.
+        path: folder of the run, or its recording.
+        opening: time to print, or number of worst moments; neither prints the scores.
+        console: receives the text.
 
     Raises:
-        InputError: it cannot be read, or has no such time, tracker, vehicle or function.
+        InputError: the run cannot be read, or lacks the time, tracker, vehicle or function.
     """
     if opening.vehicle is not None and opening.worst is None:
         raise InputError("names whose worst moments are meant: give --worst with it", key="--vehicle")
@@ -58,13 +58,13 @@ def inspect(path: Path, opening: Opening, console: Console) -> None:
     for failed in (tracker for tracker in summary.trackers if tracker.failed is not None):
         console.print(f"{failed.name} failed: {failed.failed}")
     if moments:
-        named = {name: getattr(opening, name) for name in ("tracker", "vehicle", "function")}
-        options = "".join(f" --{name} {value}" for name, value in named.items() if value is not None)
+        chosen = {name: getattr(opening, name) for name in ("tracker", "vehicle", "function")}
+        options = "".join(f" --{name} {value}" for name, value in chosen.items() if value is not None)
         console.print(f"\ntrackbench view {path} --worst{options}", style="dim", soft_wrap=True)
 
 
 def errors_at(result: Result, time: float) -> Iterator[Table]:
-    """Yield a table of the latest errors of each tracker and vehicle up to a time, s."""
+    """Yield the table of each tracker's and vehicle's latest errors up to a time, s."""
     instants = result.tables.truth["time_s"].to_numpy()
     estimates = [asdict(estimate) for estimate in estimates_at(result, time)]
     caption = f"At {rounded(float(instants[instants <= time + 1e-9].max()), 3)} s"
@@ -72,9 +72,9 @@ def errors_at(result: Result, time: float) -> Iterator[Table]:
 
 
 def tracks_at(result: Result, time: float, only: str | None) -> Iterator[Table]:
-    """Yield tables of who has no track of a due vehicle, and of the tracks, at the latest instant up to a time, s.
+    """Yield tables of due vehicles without a track, and of all tracks, at the latest instant up to a time, s.
 
-    ``only`` is the name of a tracker; None for all.
+    ``only`` is the name of one tracker; None for all trackers.
     """
     tables, instants = result.tables, drawn_instants(result.tables)
     now = float(instants[max(0, int(np.searchsorted(instants, time + 1e-9)) - 1)]) if len(instants) else 0.0
@@ -83,7 +83,7 @@ def tracks_at(result: Result, time: float, only: str | None) -> Iterator[Table]:
     inside = (states["time_s"] <= now + 1e-9) & (now + 1e-9 < states["until_s"])
     missed = states[inside & states["state"].isin(["waiting", "lost"]) & states["tracker"].isin(names)]
     tracks = table_frame(tables.tracks, "time_s", *TRACK)
-    near = tracks[((tracks["time_s"] - now).abs() < 1e-9) & tracks["tracker"].isin(names)]
-    known = near.astype({"track": int, "existence": object})
+    current = tracks[((tracks["time_s"] - now).abs() < 1e-9) & tracks["tracker"].isin(names)]
+    rows = current.astype({"track": int, "existence": object})
     yield rows_table(MISSED, missed.to_dict("records"), f"At {rounded(now, 3)} s, due vehicles without a track")
-    yield rows_table(TRACK, known.where(known.notna(), None).to_dict("records"), "Tracks")
+    yield rows_table(TRACK, rows.where(rows.notna(), None).to_dict("records"), "Tracks")

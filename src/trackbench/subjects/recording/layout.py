@@ -1,4 +1,4 @@
-"""How a recording opens: the scene above, the plots below it, legend and ranked table beside them."""
+"""The layout with which a recording opens: the scene above, the plots below, legend and ranking beside them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from trackbench.subjects.recording.tracks import (
     ASSOCIATIONS,
     MARKED,
     MISSED,
-    entities,
-    families,
+    entities_of_tracker,
+    tracker_families,
 )
 from trackbench.subjects.recording.views import BACKGROUND, RECENT_S, Window, maps_view, scene_view, scene_views
 
 LEGEND = "legend"
-#: Pixels of the view, of a letter and of the room around a name.
+#: Width of the legend, of a letter, and of the room around a name, pixels.
 WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
 ROW, MARK, RING = 40.0, 22.0, 6.0
 
 
 def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = False) -> list[NamedColour]:
-    """Return what is in the scene and the plots: trackers by their colours, measurements of each sensor, truth.
+    """Return the legend of scene and plots: trackers, measurements of each sensor, truth, observer and marks.
 
-    With ``hidden`` identities the colours of the trackers are those of the plots alone.
+    With ``hidden`` identities the trackers' colours appear in the plots alone.
     """
     tracks = [
         NamedColour("tracks", IDENTITY_COLOURS[0], "dot"),
@@ -58,13 +58,12 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
 
 
 def entries_of(contents: Contents) -> list[NamedColour]:
-    """Return the entries of the legend of a recording."""
     return entries(contents.colours, list(contents.sensors), contents.hidden)
 
 
 def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
-    """Send the legend: a line, dots or a ring above each name, in rows."""
-    for number, (entry, x, y) in enumerate(_placed(shown)):
+    """Send the legend: rows of names, each below a line, a dot or a ring."""
+    for number, (entry, x, y) in enumerate(_with_positions(shown)):
         style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.name, "show_labels": True}
         if entry.mark == "line":
             mark: rr.AsComponents = rr.LineStrips2D(
@@ -80,7 +79,7 @@ def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
 
 
 def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
-    """Return the view of the legend, as wide as the names take."""
+    """Return the view of the legend."""
     return rrb.Spatial2DView(
         origin=LEGEND,
         name="Legend",
@@ -90,12 +89,12 @@ def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
 
 
 def height(shown: list[NamedColour]) -> float:
-    """Return the height of the legend, pixels."""
-    return max(y for _, _, y in _placed(shown)) + 0.9 * ROW
+    """Return the height of the legend in pixels."""
+    return max(y for _, _, y in _with_positions(shown)) + 0.9 * ROW
 
 
-def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
-    """Yield each entry with the middle of its mark, in columns as wide as the longest name."""
+def _with_positions(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
+    """Yield each entry with the middle of its mark, pixels, in columns as wide as the longest name."""
     longest = max(len(entry.name) for entry in shown)
     columns = max(1, min(len(shown), int(WIDTH / (LETTER * longest + AROUND))))
     row, column = np.divmod(np.arange(len(shown)), columns)
@@ -104,24 +103,20 @@ def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, floa
 
 
 SERIES = "series"
-#: How far the axis of time goes, in ends of the last line.
+#: Ratio of the time axis' end to the end of the lines.
 ROOM = 1.05
 
 
 def send_chart(stream: Stream, chart: Chart) -> None:
-    """Send the lines of a chart."""
     for line in (*chart.lines, *chart.bounds):
-        # An empty place after the end leaves room for the last label of the time axis.
+        # A missing value after the end leaves room for the last label of the time axis.
         time, value = np.append(line.time, line.time[-1:] * ROOM), np.append(line.value, line.value[-1:] * np.nan)
         entity = path(SERIES, *chart.place, *line.entity)
         send_line(stream, entity, time, value, line.name, line.colour, line.width)
 
 
 def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
-    """Return errors of position and velocity, NEES, the NIS of the sensors and the modes of trackers.
-
-    ``shown`` (m) is a position error that must be seen.
-    """
+    """Return a tab with the plots of errors, NEES, NIS and modes; ``shown`` is a position error, m, to be visible."""
     position, velocity = charts.errors
     tabs = [rrb.Tabs(*map(plot, group)) for group in (charts.nis, charts.modes) if group]
     return rrb.Horizontal(
@@ -130,10 +125,10 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
 
 
 def plot(chart: Chart, shown: float = 0.0, *, whole: bool = False) -> rrb.TimeSeriesView:
-    """Return the view of a chart, whose time axis is that of all others; a value ``shown`` is on its other axis.
+    """Return the view of a chart; all charts share the time axis.
 
-    Trackers are in the legend of the page, as one in the view would cover curves. A chart that is ``whole`` has all
-    values on its axis.
+    The value axis includes the value ``shown``, or all values if ``whole``. The view has no legend of trackers, which
+    would cover lines; the page has one.
     """
     return rrb.TimeSeriesView(
         origin=path(SERIES, *chart.place),
@@ -144,47 +139,47 @@ def plot(chart: Chart, shown: float = 0.0, *, whole: bool = False) -> rrb.TimeSe
     )
 
 
-#: How many vehicles have plots and a close-up of their own.
+#: Largest number of vehicles that have plots and a close-up.
 MOST_VEHICLES = 6
-#: Pixels of a window for what is beside the scene.
+#: Height of the column beside the scene, pixels.
 BESIDE = 850.0
 WHOLE = Focus()
 COSTS = "costs"
 
 
 def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus = WHOLE) -> rrb.Blueprint:
-    """Return the layout of a recording: a tab for all runs, one for the recorded run, and one for each vehicle."""
-    vehicles = _shown(contents.vehicles, focus)
+    """Return the layout with known identities: tabs for all runs, the recorded run and each vehicle."""
+    vehicles = _vehicles_with_plots(contents.vehicles, focus)
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus, contents.moment.vehicle)
     runs = _page(charts.all_runs, counted(contents.result.summary.runs, "run"))
     recorded = _page(charts.recorded, f"Run {contents.result.summary.recorded_run}, all vehicles")
-    own: list[rrb.Container] = [
+    tabs: list[rrb.Container] = [
         _page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles
     ]
-    own += [maps_view(contents.scene, contents.mapped)] if contents.mapped else []
+    tabs += [maps_view(contents.scene, contents.mapped)] if contents.mapped else []
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
     if contents.decisions.num_rows:
-        own.append(rrb.Horizontal(functions.lanes_view(), name="Functions"))
-        tab = len(own) + 1 if focus.vehicle is None or focus.function is not None else tab
-    main = rrb.Vertical(scene, rrb.Tabs(runs, recorded, *own, active_tab=tab), row_shares=[4, 5])
-    return _opened(main, contents, focus)
+        tabs.append(rrb.Horizontal(functions.lanes_view(), name="Functions"))
+        tab = len(tabs) + 1 if focus.vehicle is None or focus.function is not None else tab
+    main = rrb.Vertical(scene, rrb.Tabs(runs, recorded, *tabs, active_tab=tab), row_shares=[4, 5])
+    return _complete(main, contents, focus)
 
 
 def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: Focus) -> rrb.Blueprint:
-    """Return the layout of a recording of tracks: a tab for each tracker, in front that in focus or the best."""
-    # With nothing in focus a close view would show a place where nobody may be.
-    window = near = wide
+    """Return the layout with hidden identities: a tab for each tracker, with the one in focus or the best in front."""
+    # Without a vehicle in focus, a close view might show an empty place.
+    window = close = wide
     if focus.vehicle is not None:
         window = wide.around(focus.vehicle)
-        near = window.closer(focus.beside)
+        close = window.closer(focus.offset)
     trackers = list(contents.colours)
     best = next((tracker.name for tracker in contents.result.contenders), None)
     front = focus.tracker if focus.tracker in trackers else best
     tabs = rrb.Tabs(
         *(
             rrb.Horizontal(
-                _view(contents, window, name, f"Tracks of {name}"),
-                _view(contents, near, name, f"Gates and associations of {name}", gates=True),
+                _tracker_view(contents, window, name, f"Tracks of {name}"),
+                _tracker_view(contents, close, name, f"Gates and associations of {name}", gates=True),
                 column_shares=[2, 1],
                 name=name,
             )
@@ -197,39 +192,39 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
     costs = rrb.TextDocumentView(origin=COSTS, name="Events by cost")
     below = rrb.Horizontal(rrb.Tabs(*lanes, *parts, active_tab=0), costs)
     main = rrb.Vertical(tabs, below, row_shares=[3, 2]) if trackers else below
-    return _opened(main, contents, focus)
+    return _complete(main, contents, focus)
 
 
-def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bool = False) -> rrb.Spatial2DView:
-    """Return a view of one tracker's tracks, with their ``gates`` and the detections that they took."""
+def _tracker_view(contents: Contents, view: Window, tracker: str, name: str, gates: bool = False) -> rrb.Spatial2DView:
+    """Return a view of one tracker's tracks; ``gates`` adds their gates and associated detections."""
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in contents.sensors}
-    own = entities(tracker)
+    own_entities = entities_of_tracker(tracker)
     if gates:
-        own |= {path(*ASSOCIATIONS, tracker, *part): 0.0 for part in ((), ("gates",))}
-    shown |= {path(*TRUE_TRAILS): TRAIL_S, **own}
-    left_out = (f"- {family}/**" for family in families())
-    return scene_view(window, name, shown, *left_out, *(f"+ {entity}" for entity in own))
+        own_entities |= {path(*ASSOCIATIONS, tracker, *part): 0.0 for part in ((), ("gates",))}
+    shown |= {path(*TRUE_TRAILS): TRAIL_S, **own_entities}
+    left_out = (f"- {family}/**" for family in tracker_families())
+    return scene_view(view, name, shown, *left_out, *(f"+ {entity}" for entity in own_entities))
 
 
-def _opened(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Blueprint:
+def _complete(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Blueprint:
     texts = rrb.Tabs(
         rrb.TextDocumentView(origin="ranking", name="Ranking"),
         rrb.TextDocumentView(origin="about", name="About this run"),
     )
     shown = with_legend(main, entries_of(contents), texts)
-    return opened(shown, "playing" if focus.time_s is None else "paused", contents.moment.time_s)
+    return with_time_panel(shown, "playing" if focus.time_s is None else "paused", contents.moment.time_s)
 
 
 def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:
-    """Return the layout while a run goes on, which follows the trackers; only the recorded run is known."""
-    scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
+    """Return the layout of a live view, which follows the trackers of the recorded run."""
+    scene = scene_views(wide, _vehicles_with_plots(vehicles, WHOLE), sensors, colours, WHOLE)
     empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
     below = rrb.Horizontal(*(plot(chart, whole=True) for chart in (*empty.errors, empty.nees)))
     main = rrb.Vertical(scene, below, row_shares=[3, 2])
-    return opened(with_legend(main, entries(colours, list(sensors))), "following")
+    return with_time_panel(with_legend(main, entries(colours, list(sensors))), "following")
 
 
-def _shown(vehicles: list[str], focus: Focus) -> list[str]:
+def _vehicles_with_plots(vehicles: list[str], focus: Focus) -> list[str]:
     first = vehicles[:MOST_VEHICLES]
     return first if focus.vehicle is None or focus.vehicle in first else [*first[:-1], focus.vehicle]
 
@@ -237,21 +232,21 @@ def _shown(vehicles: list[str], focus: Focus) -> list[str]:
 def with_legend(
     main: rrb.Container, shown: list[NamedColour], text: rrb.Container | rrb.View | None = None
 ) -> rrb.Container:
-    """Return a container with the legend on its right, and texts under the legend."""
+    """Return a container with the legend on the right, and texts below the legend."""
     names = legend_view(shown)
     share = height(shown) / BESIDE
     side = names if text is None else rrb.Vertical(names, text, row_shares=[share, 1 - share])
     return rrb.Horizontal(main, side, column_shares=[3, 1])
 
 
-#: How much of the time around a moment is marked and repeated, s.
+#: Time before and after a moment that is marked and repeated, s.
 BEFORE_S, AFTER_S = 3.0, 3.0
 
 
-def opened(
+def with_time_panel(
     container: rrb.Container, play_state: Literal["playing", "paused", "following"], moment: float | None = None
 ) -> rrb.Blueprint:
-    """Return a layout with its time panel, which plays in a loop: all, or the time around a moment."""
+    """Return a layout with its time panel, which repeats the whole time, or the time around a moment (s)."""
     loop: dict[str, Any] = {"loop_mode": "all"} if play_state == "playing" else {}
     if moment is not None:
         ends = (round(1e9 * max(0.0, moment - BEFORE_S)), round(1e9 * (moment + AFTER_S)))

@@ -1,7 +1,7 @@
-"""A run shown while it goes on: its recorded run is sent to another process, which draws it in the viewer.
+"""The live view of a run: its recorded run is sent to another process, which draws it in the viewer.
 
-Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it is in another
-process, which reads from a queue: the run never waits.
+Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. Therefore it lives in
+a process that reads from a queue, and the run never waits.
 """
 
 from __future__ import annotations
@@ -40,28 +40,28 @@ if TYPE_CHECKING:
 
     from trackbench.runner.recorded import OnRecordedRun
 
-#: How long :meth:`Live.close` waits until everything is drawn, and the drawing process for the viewer, s.
+#: Longest wait, s: of :meth:`Live.close` for the drawing process, and of the drawing process for the viewer.
 PATIENCE = 20
 
 
 @dataclass(frozen=True)
 class LiveRun:
-    """What is known of a run before the first tracker has taken a step."""
+    """Data of a run that are known before its first step."""
 
     name: str
     colours: Mapping[str, str]
-    """By tracker."""
+    """Colour of each tracker by name."""
     sensors: list[str]
     truth: Truth
-    """Of the recorded run alone."""
+    """Ground truth of the recorded run alone."""
 
 
-#: The start of a run, its measurements, its estimates at an instant, and at the end all of it.
+#: Message to the drawing process: start of a run, its measurements, its estimates at an instant, or its result.
 Part = LiveRun | list[Scan] | RecordedInstant | Result
 
 
 class Live(Listener):
-    """The connection to a viewer, to which one run after another is sent.
+    """Connection to a viewer, which shows one run after another.
 
     Attributes:
         lost: whether the drawing process ended or did not end in time.
@@ -76,11 +76,10 @@ class Live(Listener):
 
     @property
     def observes(self) -> bool:
-        """Always."""
         return True
 
     def begin(self, item: Prepared) -> OnRecordedRun:
-        """Send what is known before a run; what follows belongs to it until the next one begins."""
+        """Send the data known before a run; return the callback for its further parts."""
         scenario = item.scenario.config
         colours = tracker_colours({name: item.scenario.places[name] for name in scenario.trackers})
         truth = truth_of_run(item.truths[scenario.recording.scene].truth, scenario.recording.run)
@@ -96,29 +95,29 @@ class Live(Listener):
         self._send(result)
 
     def _send(self, part: Part) -> None:
-        # A queue pickles in a thread of its own, when the part may be another already.
+        # Pickled now: the queue's thread would pickle later, when the part may have changed.
         self._parts.put(pickle.dumps(part))
 
     def close(self) -> None:
-        """Wait until everything is drawn, or give the viewer up."""
+        """Wait until everything is drawn; after ``PATIENCE`` give up the viewer."""
         self._parts.put(None)
         self._process.join(PATIENCE)
         self.lost = self._process.exitcode != 0
         self._process.kill()
         self._process.join()
-        # What nobody takes must not keep this process from its end.
+        # Unread parts must not keep this process from ending.
         self._parts.cancel_join_thread()
 
 
 def truth_of_run(truth: Truth, run: int) -> Truth:
-    """Return the truth with the motion of one run alone."""
+    """Return the truth with only the motion of one run."""
     motion = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate")
-    whole = {name: getattr(truth, name) for name in motion}
-    return replace(truth, **{name: values[..., min(run, values.shape[-1] - 1), None] for name, values in whole.items()})
+    paths = {name: getattr(truth, name) for name in motion}
+    return replace(truth, **{name: values[..., min(run, values.shape[-1] - 1), None] for name, values in paths.items()})
 
 
 class LiveScene:
-    """One run on the viewer, as far as it has gone."""
+    """Run on the viewer, up to its latest instant."""
 
     def __init__(self, url: str, live: LiveRun) -> None:
         self._live = live
@@ -141,27 +140,26 @@ class LiveScene:
         self._recording.disconnect()
 
     def draw_whole(self, result: Result) -> None:
-        """Draw the whole recording."""
         send(self._recording, result)
 
     def take_measurements(self, scans: list[Scan]) -> None:
-        """Keep the measurements, which are drawn as far as the trackers have come."""
+        """Store the measurements; they are drawn when the trackers reach their times."""
         truth = self._live.truth
         self._measurements = table_of(measurement_records(scans, truth.ids))
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
     def draw_estimates(self, instants: list[RecordedInstant]) -> None:
-        """Draw the estimates of trackers at some instants; one that has failed has none from then on."""
+        """Draw the estimates of trackers at some instants; a failed tracker has no further ones."""
         if not len(self._steps):
             return
         truth, nothing, records = self._live.truth, pa.table({}), []
         self._draw_truth(float(truth.time[self._steps[max(item.number for item in instants)]]))
         for tracker in self._live.colours:
             numbers = [item.number for item in instants if tracker in item.estimates]
-            own = [item.estimates[tracker] for item in instants if tracker in item.estimates]
-            if own:
-                mean = np.stack([belief.mean for belief in own], axis=1)
-                covariance = np.stack([belief.covariance for belief in own], axis=2)
+            beliefs = [item.estimates[tracker] for item in instants if tracker in item.estimates]
+            if beliefs:
+                mean = np.stack([belief.mean for belief in beliefs], axis=1)
+                covariance = np.stack([belief.covariance for belief in beliefs], axis=2)
                 recorded = {tracker: RecordedEstimates(mean, covariance, np.isfinite(mean[0]))}
                 records += estimate_records(recorded, truth, self._steps[numbers], 0)
         estimates = table_of(records)
@@ -184,14 +182,14 @@ class LiveScene:
 
 
 class LiveRuns:
-    """One viewer, to which one run after another is drawn."""
+    """Viewer in which one run after another is drawn."""
 
     def __init__(self, url: str) -> None:
         self._url = url
         self._scene: LiveScene | None = None
 
     def draw(self, parts: Iterable[Part]) -> None:
-        """Draw parts of runs in their order; what comes before the start of a run is left out."""
+        """Draw parts of runs in order; parts before the start of a run are ignored."""
         for _, group in groupby(parts, key=type):
             instants = []
             for part in group:
@@ -217,8 +215,8 @@ class LiveRuns:
 
 
 def draw_runs(url: str, source: Queue[bytes | None]) -> None:
-    """Draw what comes until None does; a viewer that takes nothing for long ends this process."""
-    # Ctrl-C is for the run, whose end ends this process.
+    """Draw parts from a queue until None arrives; a viewer that accepts nothing for ``PATIENCE`` s ends the process."""
+    # Ctrl-C ends the run, and the end of the run ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     runs = LiveRuns(url)
@@ -230,7 +228,7 @@ def draw_runs(url: str, source: Queue[bytes | None]) -> None:
                 parts.append(source.get_nowait())
         except queue.Empty:
             pass
-        # Rerun's calls cannot be interrupted otherwise.
+        # Only a signal interrupts Rerun's calls.
         signal.alarm(PATIENCE)
         runs.draw(pickle.loads(part) for part in parts if part is not None)
         signal.alarm(0)

@@ -1,4 +1,4 @@
-"""Moments, estimates and tracks of a recorded run as tables, for a terminal and for a recording."""
+"""The tables of a recorded run's moments, estimates and tracks, for the terminal and for recordings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trackbench.report.numbers import rounded
 from trackbench.report.tables import TRACKER, text_table
 from trackbench.subjects.recording.focus import Moment
 
-#: What is printed of a vehicle, an estimate, a track, and each kind of moment.
+#: Columns of a missed vehicle, an estimate, a track, and each kind of moment.
 MISSED = ("object", "tracker", "state")
 ERRORS = ("position_error_m", "velocity_error_mps", "nees")
 ESTIMATE = ("object", "tracker", *ERRORS)
@@ -40,20 +40,20 @@ def _values(moment: Moment) -> dict[str, Any]:
 
 
 def moments_table(moments: Sequence[Moment], caption: str = "") -> Table:
-    """Return a table with a row for each moment; all are of one kind, and there is at least one."""
+    """Return a table with a row for each of at least one moment; all must be of one kind."""
     return rows_table(MOMENTS[type(moments[0])], [_values(moment) for moment in moments], caption)
 
 
 def rows_table(names: Sequence[str], rows: Sequence[dict[str, Any]], caption: str = "") -> Table:
-    """Return a table with a row for each item, and the values of these names as columns."""
+    """Return a table of rows, with the columns ``names``."""
     texts = {name for name in names for row in rows[:1] if isinstance(row[name], str)}
     columns = {
-        TRACKER if name == "tracker" else Column(HEADINGS.get(name, name), left=name in texts): partial(_text, name)
+        TRACKER if name == "tracker" else Column(HEADINGS.get(name, name), left=name in texts): partial(_cell, name)
         for name in names
     }
     return text_table("moments", rows, columns, caption)
 
 
-def _text(name: str, row: dict[str, Any]) -> str:
+def _cell(name: str, row: dict[str, Any]) -> str:
     value = row[name]
     return rounded(value, 2) if isinstance(value, float | None) else str(value)

@@ -1,8 +1,7 @@
-"""The scene of the recorded run, seen from above: roads, vehicles, measurements, estimates and their covariances.
+"""The scene of the recorded run, seen from above: roads, vehicles, measurements and trails.
 
-Everything below ``world`` is in metres of the fixed frame. A 2D view of Rerun has y down, so a view takes one of the
-frames as its origin: they move with a vehicle, which the view then follows, and have y down too, so that a left turn
-goes left.
+Entities below ``world`` are in metres of the fixed frame. Rerun's 2D views have y down. Therefore the origin of a view
+is a frame with y down, so that a left turn goes left; it moves with a vehicle, which the view follows.
 """
 
 from __future__ import annotations
@@ -36,18 +35,17 @@ MEASUREMENTS = (*WORLD, "measurements")
 LABELS = (*WORLD, "labels")
 TRAILS = (*WORLD, "trails")
 TRUE_TRAILS = (*TRAILS, "truth")
-#: Move with each vehicle without turning.
+#: Frames that move with each vehicle without turning.
 FRAMES = (*WORLD, "frames")
 ROAD_COLOUR = "#4A4F57"
 LABEL_COLOUR = "#C8CDD4"
 #: Length of a trail, s.
 TRAIL_S = 2.0
-#: From the point below which a name is drawn to below the name, pixels.
+#: Height of a vehicle's name, with the gap to the point above it, pixels.
 NAME_HEIGHT = 32.0
 
 
 def send_roads(stream: Stream, roads: pa.Table) -> None:
-    """Send the lane edges."""
     rows = table_columns(roads)
     line = rows["line"]
     points = np.stack([rows["x_m"], rows["y_m"]], axis=1)
@@ -57,9 +55,9 @@ def send_roads(stream: Stream, roads: pa.Table) -> None:
 
 
 def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
-    """Send the observer and the targets as oriented boxes with an arrow for the heading, and their names.
+    """Send the observer and the targets as oriented boxes with an arrow for the heading, and their names above.
 
-    ``metres_per_pixel`` is the scale of the view that shows the names, which stand above the vehicles.
+    ``metres_per_pixel`` is the scale of the view that shows the names.
     """
     if not truth.num_rows:
         return
@@ -84,11 +82,11 @@ def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> N
         box = rr.Boxes2D.from_fields(colors=rgba(colour), radii=pixels(1.5))
         arrow = rr.Arrows2D.from_fields(colors=rgba(colour), radii=pixels(1.0))
         stream.static(entity, box, arrow)
-    _labels(stream, truth, metres_per_pixel)
+    _send_labels(stream, truth, metres_per_pixel)
 
 
 def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[str, str]) -> None:
-    """Send each sensor's measurements, where they lie in the fixed frame."""
+    """Send each sensor's measurements at their positions in the fixed frame."""
     for (sensor,), rows in split(measurements, "sensor").items():
         valid = rows["valid"].astype(bool)
         time, count = np.unique(rows["time_s"][valid], return_counts=True)
@@ -96,27 +94,26 @@ def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[s
         send_points(stream, path(*MEASUREMENTS, sensor), time, at, colours[sensor], 1.5, 20.0, count)
 
 
-def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
-    # Rerun 0.41 draws the labels of boxes and ellipses where they would be without transforms; those of points follow.
+def _send_labels(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
+    # Rerun 0.41 ignores transforms for the labels of boxes and ellipses, but not for labels of points.
     rows = table_columns(truth)
-    there = np.flatnonzero(rows["alive"])
-    there = there[np.argsort(rows["time_s"][there], kind="stable")]
-    rows, time = {name: values[there] for name, values in rows.items()}, np.unique(rows["time_s"])
-    # A name is drawn below its point.
-    at = np.stack([rows["px_m"], rows["py_m"] + _reach(rows) + NAME_HEIGHT * metres_per_pixel], axis=1)
+    alive_rows = np.flatnonzero(rows["alive"])
+    alive_rows = alive_rows[np.argsort(rows["time_s"][alive_rows], kind="stable")]
+    rows, time = {name: values[alive_rows] for name, values in rows.items()}, np.unique(rows["time_s"])
+    # Rerun draws a label below its point.
+    at = np.stack([rows["px_m"], rows["py_m"] + _half_extent_y(rows) + NAME_HEIGHT * metres_per_pixel], axis=1)
     shown = rr.Points2D.columns(positions=at, labels=rows["object"].tolist())
     style = rr.Points2D.from_fields(colors=rgba(LABEL_COLOUR), radii=0.0, show_labels=True, draw_order=40.0)
     stream.draw(path(*LABELS), time, style, shown, count=counts(rows["time_s"], time))
 
 
-def _reach(vehicle: Columns) -> Array:
-    """Return how far a body reaches from its middle along y, ``(times,)`` m."""
+def _half_extent_y(vehicle: Columns) -> Array:
+    """Return half of a body's extent along y, ``(times,)``, m."""
     along, across = np.abs(np.sin(vehicle["heading_rad"])), np.abs(np.cos(vehicle["heading_rad"]))
     return np.asarray((along * vehicle["length_m"] + across * vehicle["width_m"]) / 2)
 
 
 def send_true_trail(stream: Stream, truth: pa.Table) -> None:
-    """Send the paths of the vehicles."""
     rows = table_columns(truth)
     alive = {name: values[rows["alive"].astype(bool)] for name, values in rows.items()}
     colours = np.full(len(alive["time_s"]), rgba(TRUTH_COLOUR), dtype=np.uint32)
@@ -133,17 +130,17 @@ def send_trail(
     radius: float,
     order: float = 10.0,
 ) -> None:
-    """Send at each instant (s) the piece of each path from the instant before; a view puts the pieces together.
+    """Send at each instant the piece of each path since the previous instant; a view joins the pieces.
 
     Args:
         stream: the recording.
-        entity: of the trail.
-        time: ``(instants,)`` s.
-        rows: with ``time_s``, ``px_m`` and ``py_m``.
-        identity: ``(rows,)`` what tells one path from another.
-        colours: ``(rows,)`` RGBA.
+        entity: path of the trail's entity.
+        time: all instants ``(instants,)``, s.
+        rows: columns ``time_s``, ``px_m`` and ``py_m``.
+        identity: name or number of each row's path, ``(rows,)``.
+        colours: RGBA of each row, ``(rows,)``.
         radius: half the width of the line, pixels.
-        order: the highest is on top.
+        order: drawing order; the highest is on top.
     """
     by_path = np.lexsort((rows["time_s"], np.unique(identity, return_inverse=True)[1]))
     identity, when, colours = identity[by_path], rows["time_s"][by_path], colours[by_path]

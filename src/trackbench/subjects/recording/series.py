@@ -1,4 +1,4 @@
-"""The charts of a run: means over all runs with their bounds, the recorded run, and each vehicle of it."""
+"""The charts of a recording: means over all runs with their bounds, the recorded run, and each of its vehicles."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RECORDED_RUN = "recorded_run"
 VEHICLES = "vehicles"
 MODES = "modes"
 
-#: Charts of hidden identities by column.
+#: Title of each chart with hidden identities, by column.
 PARTS = {
     "gospa_m": "GOSPA",
     "gospa_localisation_m": "Localisation part",
@@ -31,30 +31,30 @@ PARTS = {
 
 BOUNDS = "95 % bounds"
 
-#: Of the lines of a single run, which are less smooth than means, pixels.
+#: Width of a single run's lines, which are less smooth than means, pixels.
 SINGLE_WIDTH = 1.0
-#: Lines that differ by less than this share are one line.
+#: Relative difference below which bounds of two trackers are one line.
 SAME = 1e-6
 
-#: What the errors are of, with the unit and what it is called in the name of a column.
+#: Name, unit and column suffix of each kind of error.
 QUANTITIES = (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
 NOTHING = pa.table({})
-#: Lines are broken where there is no value for longer than this, s.
+#: Longest time without a value that a line bridges, s.
 GAP_S = 1.0
-#: Rows of each tracker.
+#: Rows of each tracker, by name.
 ByTracker = dict[str, Columns]
 
 
 class Charts(NamedTuple):
-    """The charts of the same runs and vehicles."""
+    """Charts of one set of runs and vehicles."""
 
     errors: tuple[Chart, ...]
-    """Of position and of velocity."""
+    """Errors of position and velocity."""
     nees: Chart
     nis: tuple[Chart, ...]
-    """By sensor; none where no tracker gives innovations."""
+    """One NIS chart for each sensor; none where no tracker gives innovations."""
     modes: tuple[Chart, ...] = ()
-    """By tracker that has several motion models: the probability of each."""
+    """Mode probabilities, one chart for each tracker with several motion models."""
 
     @property
     def all(self) -> tuple[Chart, ...]:
@@ -70,7 +70,7 @@ class AllCharts(NamedTuple):
 
 
 def charts_of(contents: Contents) -> AllCharts:
-    """Return every chart of a recording, without baselines."""
+    """Return all charts of a recording; baselines have no lines."""
     tables, colours = contents.tables, contents.plotted
     parts = (tables.estimates, tables.recorded_nis, tables.if_there("recorded_modes"))
     vehicles = {}
@@ -81,7 +81,7 @@ def charts_of(contents: Contents) -> AllCharts:
 
 
 def _all_runs(contents: Contents) -> Charts:
-    """Return RMSE with that of the reference, and mean NEES and NIS with their 95 % bounds."""
+    """Return the charts over all runs: RMSE with the reference's, and mean NEES and NIS with their 95 % bounds."""
     tables, reference = contents.tables, contents.result.summary.reference
     label = "" if reference is None else reference.label
     charts = _charts((ALL_RUNS,), "RMSE", _by_tracker(tables.steps), _by_sensor(tables.nis), contents.plotted, label)
@@ -96,12 +96,12 @@ def recorded_run(
     colours: Mapping[str, str],
     vehicle: str | None = None,
 ) -> Charts:
-    """Return the recorded run's errors, NEES and NIS: root mean squares and means over its vehicles, or of one.
+    """Return the recorded run's charts of errors, NEES and NIS, over all vehicles or for ``vehicle`` alone.
 
-    ``estimates``, ``recorded_nis`` and ``modes`` are of these vehicles, ``nis`` is over all runs: a tracker may take
-    less of a measurement than its sensor gives, so the degrees of freedom are its own.
+    ``estimates``, ``recorded_nis`` and ``modes`` are rows of these vehicles. ``nis`` has each tracker's degrees of
+    freedom: a tracker may use fewer components of a measurement than its sensor gives.
     """
-    place = (RECORDED_RUN,) if vehicle is None else (VEHICLES, vehicle)
+    entity = (RECORDED_RUN,) if vehicle is None else (VEHICLES, vehicle)
     steps = {tracker: _recorded_steps(rows) for tracker, rows in _by_tracker(estimates).items()}
     dof = {key: int(rows["dof"][0]) for key, rows in split(nis, "sensor", "tracker").items()}
     sensors = {
@@ -112,12 +112,12 @@ def recorded_run(
         }
         for sensor, by_tracker in _by_sensor(recorded_nis).items()
     }
-    charts = _charts(place, "error", steps, sensors, colours, width=SINGLE_WIDTH)
-    return charts._replace(modes=_mode_charts(place, modes, colours))
+    charts = _charts(entity, "error", steps, sensors, colours, width=SINGLE_WIDTH)
+    return charts._replace(modes=_mode_charts(entity, modes, colours))
 
 
 def _recorded_steps(rows: Columns) -> Columns:
-    """Return the means over the vehicles of the recorded run, in the columns of the table ``steps``."""
+    """Return the means over the recorded run's vehicles, with the columns of table ``steps``."""
     errors = {
         f"{quantity.lower()}_rmse_{suffix}": np.sqrt(
             mean_over_objects(rows["time_s"], rows[f"{quantity.lower()}_error_{suffix}"] ** 2)[1]
@@ -136,7 +136,7 @@ def _charts(
     reference: str = "",
     width: float = 1.5,
 ) -> Charts:
-    """Return the charts of rows with the columns of the tables ``steps`` and ``nis``."""
+    """Return the charts of rows that have the columns of tables ``steps`` and ``nis``."""
     errors = tuple(
         Chart(
             (*place, f"{quantity.lower()}_{kind.lower()}"),
@@ -182,38 +182,38 @@ def _lines(
     rows: ByTracker, value: str, colours: Mapping[str, str], width: float = 1.5, gap: float = GAP_S
 ) -> tuple[ChartLine, ...]:
     return tuple(
-        ChartLine((tracker,), tracker, colour, *_broken(rows[tracker], value, gap), width)
+        ChartLine((tracker,), tracker, colour, *_with_gaps(rows[tracker], value, gap), width)
         for tracker, colour in colours.items()
         if tracker in rows
     )
 
 
-def _broken(rows: Columns, value: str, gap: float = GAP_S) -> tuple[Array, Array]:
-    """Return times and values, with a missing value where none follows within ``gap`` s."""
+def _with_gaps(rows: Columns, value: str, gap: float = GAP_S) -> tuple[Array, Array]:
+    """Return times and values, with a missing value inserted where none follows within ``gap`` s."""
     time, values = rows["time_s"], rows[value]
     before = np.flatnonzero(np.diff(time) > gap)
     return np.insert(time, before + 1, time[before] + gap), np.insert(values, before + 1, np.nan)
 
 
 def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
-    """Return a grey line of each bound that trackers share, and one in the colour of each tracker that has its own."""
+    """Return the lines of bounds: grey where trackers share a bound, otherwise in the tracker's colour."""
     lines = []
     for field in fields:
-        shown = {tracker: of for tracker, of in rows.items() if tracker in colours and field in of}
+        shown = {tracker: bound for tracker, bound in rows.items() if tracker in colours and field in bound}
         groups: dict[str, list[str]] = {}
         for tracker, bound in shown.items():
             if np.isfinite(bound[field]).any():
-                first = next((first for first in groups if _same(shown[first], bound, field)), tracker)
+                first = next((first for first in groups if _agree(shown[first], bound, field)), tracker)
                 groups.setdefault(first, []).append(tracker)
         for first, group in groups.items():
             colour = BOUND_COLOUR if len(group) > 1 or len(groups) == 1 else colours[first]
             label = name if len(groups) == 1 else f"{name}: {', '.join(group)}"
-            lines.append(ChartLine(("bounds", field, first), label, colour, *_broken(shown[first], field), 2.0))
+            lines.append(ChartLine(("bounds", field, first), label, colour, *_with_gaps(shown[first], field), 2.0))
     return tuple(lines)
 
 
-def _same(a: Columns, b: Columns, field: str) -> bool:
-    """Return whether two bounds agree at nearly all common instants: tracks may start a measurement apart."""
+def _agree(a: Columns, b: Columns, field: str) -> bool:
+    """Return whether two bounds agree at nearly all common instants, since tracks may start a measurement apart."""
     _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)
@@ -221,7 +221,7 @@ def _same(a: Columns, b: Columns, field: str) -> bool:
 
 
 def _mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str]) -> tuple[Chart, ...]:
-    """Return a chart for each tracker that has modes, with a line for each mode: the mean over vehicles."""
+    """Return a chart for each tracker with modes, with each mode's mean probability over the vehicles."""
     by_mode = split(modes, "tracker", "mode")
     colours = mode_colours(mode for _, mode in by_mode)
     lines: dict[str, list[ChartLine]] = {}
@@ -236,7 +236,7 @@ def _mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str
 
 
 def charts_of_tracks(contents: Contents) -> list[Chart]:
-    """Return GOSPA and its parts over all runs."""
+    """Return the charts of GOSPA and its parts over all runs."""
     steps = _by_tracker(contents.tables.steps)
     return [
         Chart((ALL_RUNS, name), title, "m", _lines(steps, name, contents.colours, gap=np.inf))

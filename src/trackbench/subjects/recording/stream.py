@@ -1,4 +1,4 @@
-"""What the parts of a recording write to: entities by path, columns over simulated time, points, ellipses, lines."""
+"""The stream to which a recording is written: entities by path, columns over simulated time, points and lines."""
 
 from __future__ import annotations
 
@@ -14,48 +14,48 @@ from trackbench.base.types import Array
 from trackbench.metrics.consistency import point95
 from trackbench.subjects.recording.thinning import extremes
 
-#: The recording's one timeline, seconds of simulated time.
+#: Name of the only timeline: simulated time, s.
 TIMELINE = "sim_time"
-#: The rotation of a frame whose y is down.
+#: Matrix of a frame whose y axis points down.
 Y_DOWN = np.diag([1.0, -1.0, 1.0])
-#: RGBA of rows.
+#: RGBA colour of each row.
 Colours = npt.NDArray[np.uint32]
-#: Rows at each time.
+#: Number of rows at each time.
 Count = npt.NDArray[np.integer[Any]]
 
 
 def path(*parts: str) -> str:
-    """Return an entity path; names are escaped, so that any name of a tracker or sensor is one part."""
+    """Return an entity path from its parts, which are escaped, so that any tracker or sensor name is one part."""
     return str(rr.new_entity_path(list(parts)))
 
 
 def rgba(colour: str) -> int:
-    """Return an opaque colour out of "#RRGGBB"."""
+    """Return an opaque colour from "#RRGGBB"."""
     return int(colour[1:] + "FF", 16)
 
 
 def rgba_of(colours: Iterable[str]) -> Colours:
-    """Return opaque colours out of "#RRGGBB" each."""
+    """Return opaque colours from "#RRGGBB" texts, ``(colours,)``."""
     return np.array([rgba(colour) for colour in colours], dtype=np.uint32)
 
 
 def pixels(size: float) -> float:
-    """Return a radius on the screen, whatever the zoom: Rerun takes negative radii for that."""
+    """Return a radius in pixels, which does not depend on the zoom: for Rerun it is negative."""
     return -size
 
 
 class Stream:
-    """One recording that is being written."""
+    """Recording that is being written."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
 
     def static(self, entity: str, *archetypes: AsComponents) -> None:
-        """Send what does not change over time."""
+        """Send components that do not change over time."""
         self._recording.log(entity, *archetypes, static=True, strict=True)
 
     def columns(self, entity: str, time: Array, *batches: Iterable[ComponentColumn]) -> None:
-        """Send what changes over time: one row for each of ``time`` (s) in every batch."""
+        """Send components that change over time: one row in each batch for each of ``time`` (s)."""
         if len(time):
             nanoseconds = np.round(time * 1e9).astype("timedelta64[ns]")
             index: Any = rr.TimeColumn(TIMELINE, duration=nanoseconds)
@@ -70,22 +70,21 @@ class Stream:
         *batches: rr.ComponentColumnList,
         count: Count | None = None,
     ) -> None:
-        """Send what changes over time in a style that does not: a row, or ``count`` rows, for each of ``time`` (s)."""
+        """Send components over time in a constant style: one row, or ``count`` rows, for each of ``time`` (s)."""
         self.columns(entity, time, *(batches if count is None else [batch.partition(count) for batch in batches]))
         self.static(entity, style)
 
     def turn_y_down(self, entity: str) -> None:
-        """Make an entity a frame whose y is down, as Rerun's 2D views have it, so that a left turn goes left."""
+        """Make an entity a frame whose y axis points down, as in Rerun's 2D views, so that a left turn goes left."""
         self.static(entity, rr.Transform3D(mat3x3=Y_DOWN))
 
     def markdown(self, entity: str, text: str) -> None:
-        """Send a text in Markdown."""
         self.static(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
 
-#: Half axes of the 95 % ellipse over the standard deviations.
+#: Ratio of the 95 % ellipse's half axes to the standard deviations.
 ELLIPSE_95 = float(np.sqrt(point95(2)))
-#: Corners of an ellipse, which is drawn as a line: Rerun turns one ellipse an entity.
+#: Number of corners of an ellipse, which is drawn as a line since Rerun can turn only one ellipse an entity.
 CORNERS = 25
 
 
@@ -101,7 +100,7 @@ def outlines(at: Array, p_00: Array, p_01: Array, p_11: Array) -> npt.NDArray[np
 
 
 def counts(when: Array, time: Array) -> Count:
-    """Return how many rows there are at each instant, ``(instants,)``, of the times of rows, s."""
+    """Return the number of rows at each instant, ``(instants,)``; ``when`` has the time of each row, s."""
     return np.bincount(np.searchsorted(time, when - 1e-9), minlength=len(time))
 
 
@@ -115,9 +114,9 @@ def send_points(
     order: float,
     count: Count | None = None,
 ) -> None:
-    """Send dots of ``size`` pixels at the places ``at`` ``(2, dots)`` m and the times ``(times,)`` s.
+    """Send dots of ``size`` pixels at positions ``at`` ``(2, dots)``, m, and times ``(times,)``, s.
 
-    ``count`` ``(times,)`` is how many there are at each time, one unless given; the highest ``order`` is on top.
+    ``count`` ``(times,)`` is the number of dots at each time, None for one; the highest ``order`` is on top.
     """
     style = rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=order)
     stream.draw(entity, time, style, rr.Points2D.columns(positions=at.T), count=count)
@@ -126,7 +125,7 @@ def send_points(
 def send_line(
     stream: Stream, entity: str, time: Array, values: Array, name: str, colour: str, width: float = 1.5
 ) -> None:
-    """Send a line of a plot, broken where there is no value; its ``width`` is in pixels."""
+    """Send a line of a plot, broken where a value is missing; ``width`` is in pixels."""
     drawn = extremes(values)
     time, values = time[drawn], values[drawn]
     finite = np.isfinite(values)

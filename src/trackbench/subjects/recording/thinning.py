@@ -1,4 +1,4 @@
-"""What the recording of a long run leaves out: instants of the scene, and points within the lines of plots."""
+"""The thinning of a long run's recording: which instants of the scene and points of the plots it keeps."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.results import Result, Tables
 from trackbench.subjects.recording.focus import Opening, moment_of, worst_moments
 
-#: The most instants of a run, and points of a line, of which none is left out; of more about so many are kept.
+#: Number of instants of a run, and points of a line, above which about this number is kept.
 MOST = 4000
-#: The largest errors, or costliest events, of each tracker and of each vehicle whose instants are kept.
+#: Number of worst moments of each tracker and each vehicle whose instants are kept.
 WORST = 20
-#: Around the moment worth seeing first every instant is kept, s.
+#: Time to either side of the moment worth seeing first in which every instant is kept, s.
 AROUND_S = 3.0
-#: Tables with rows at each instant, beside the measurements.
+#: Tables that are thinned by instant; measurements are thinned by scan.
 BY_INSTANT = ("truth", "estimates", "tracks", "taken", "gates", "due")
 
 
 def instants(tables: Tables) -> Array:
-    """Return when there is something to draw in the recorded run, ``(instants,)`` s."""
+    """Return the instants of the recorded run at which anything is drawn, ``(instants,)`` s."""
     sources = [tables.if_there(name) for name in ("estimates", "due", "tracks", "measurements")]
     return np.unique(np.concatenate([table["time_s"] for table in sources if table.num_rows] or [np.empty(0)]))
 
 
-def thinned(result: Result) -> Tables:
-    """Return the tables of a run; of a long one with the rows of some instants.
+def thin_tables(result: Result) -> Tables:
+    """Return the tables of a run; a long run's tables keep the rows of some instants only.
 
-    These instants are evenly spaced, around the moment worth seeing first, and the worst of each tracker and vehicle.
-    At each of them there is the latest scan of every sensor.
+    Kept are evenly spaced instants, all around the moment worth seeing first, and the worst of each tracker and
+    vehicle, each with the latest scan of every sensor.
     """
     tables, time = result.tables, instants(result.tables)
     if len(time) <= MOST:
@@ -36,8 +36,8 @@ def thinned(result: Result) -> Tables:
     evenly, opening = time[np.linspace(0, len(time) - 1, MOST).astype(int)], moment_of(result).time_s
     around = time[:0] if opening is None else time[np.abs(time - opening) <= AROUND_S]
     kept = np.unique(np.concatenate([evenly, around, _worst_times(result)]))
-    shown = {name: tables[name] for name in BY_INSTANT if tables.if_there(name).num_rows}
-    rows = {name: _are_among(table["time_s"].to_numpy(), kept) for name, table in shown.items()}
+    thinned = {name: tables[name] for name in BY_INSTANT if tables.if_there(name).num_rows}
+    rows = {name: _are_among(table["time_s"].to_numpy(), kept) for name, table in thinned.items()}
     if tables.measurements.num_rows:
         sensors, when = (tables.measurements[name].to_numpy() for name in ("sensor", "time_s"))
         rows["measurements"] = np.zeros(len(when), dtype=bool)
@@ -49,9 +49,9 @@ def thinned(result: Result) -> Tables:
 
 
 def extremes(values: Array) -> Indices:
-    """Return the places of the points ``(points,)`` of a line that are drawn: all, or of a long line about ``MOST``.
+    """Return the places of the points of a line that are drawn: all points, or about ``MOST`` of a long line.
 
-    Kept are its ends and, in each of ``MOST / 2`` stretches, the lowest, the highest and a missing value.
+    Kept are both ends and, in each of ``MOST / 2`` stretches, the lowest, the highest and a missing value.
     """
     if len(values) <= MOST:
         return np.arange(len(values))
@@ -75,6 +75,6 @@ def _worst_times(result: Result) -> Array:
 
 
 def _are_among(when: Array, time: Array) -> Mask:
-    """Return which of the times of rows, s, are among ``time``, but for rounding."""
+    """Return a mask of the rows whose time, s, is among ``time`` up to rounding."""
     nearest = time[np.minimum(np.searchsorted(time, when - 1e-9), len(time) - 1)]
     return np.abs(nearest - when) < 1e-9

@@ -1,7 +1,7 @@
-"""Tracks seen from above: dots, ellipses, trails and rings; with hidden identities also events, gates and associations.
+"""The tracks seen from above: dots, ellipses, trails and rings; with hidden identities events, gates and associations.
 
-With known identities the tracks of a tracker are its estimates of the vehicles, in the tracker's colour. With hidden
-identities each track has a number and the colour of its identity.
+With known identities a tracker's estimates of the vehicles are drawn as tracks in the tracker's colour. With hidden
+identities each track has a number and a colour of its own.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ TRACK_TRAILS = (*TRAILS, "tracks")
 MISSES = (*WORLD, "misses")
 MARKS = (*WORLD, "marks")
 ASSOCIATIONS = (*WORLD, "associations")
-#: How long an event is marked, s.
+#: Duration of an event's mark, s.
 MARKED_S = 1.0
-#: Events that are marked; births and confirmations are not: a trail begins there.
+#: Colour of each kind of event that is marked; a birth or confirmation needs no mark, since a trail begins there.
 MARKED = {"switched": "#FFFFFF", "merged": ERROR_COLOURS[2], "lost": ERROR_COLOURS[2], "false": ERROR_COLOURS[1]}
 MISSED = ERROR_COLOURS[2]
 #: Radius of the ring around a vehicle without a track, m.
 MISS_RADIUS = 3.0
 ASSOCIATION_COLOUR = "#FFFFFF"
-#: Opacity of a track that surely does not exist.
+#: Opacity of a track with existence probability 0.
 FAINTEST = 0.2
 
 
 def trails(trackers: Iterable[str]) -> dict[str, float]:
-    """Return the entities of all trails, and how long a view shows them, s."""
+    """Return the duration, s, for which a view shows each trail, by entity."""
     return dict.fromkeys([path(*TRUE_TRAILS), *(path(*TRACK_TRAILS, name) for name in trackers)], TRAIL_S)
 
 
-def entities(tracker: str) -> dict[str, float]:
-    """Return what a view of one tracker shows beside the vehicles, and for how long, s; 0 for the latest alone."""
+def entities_of_tracker(tracker: str) -> dict[str, float]:
+    """Return the duration, s, for which a view of one tracker shows each entity; 0 shows the latest alone."""
     return {
         path(*TRACKS, tracker): 0.0,
         path(*COVARIANCES, tracker): 0.0,
@@ -54,8 +54,8 @@ def entities(tracker: str) -> dict[str, float]:
     }
 
 
-def families() -> list[str]:
-    """Return the entities below which each tracker has one of its own; a view of one tracker leaves the others out."""
+def tracker_families() -> list[str]:
+    """Return the parent entities below which each tracker has one; a view of one tracker hides all others."""
     return [path(*family) for family in (TRACKS, COVARIANCES, TRACK_TRAILS, MISSES, MARKS, ASSOCIATIONS)]
 
 
@@ -64,10 +64,10 @@ def send_tracks(stream: Stream, tracker: str, tracks: Columns, time: Array, colo
 
     Args:
         stream: the recording.
-        tracker: name.
-        tracks: rows of the tracker in ``estimates`` or in ``tracks``, in the order of time.
-        time: ``(instants,)`` s.
-        colour: of the tracker; None with hidden identities.
+        tracker: name of the tracker.
+        tracks: the tracker's rows of table ``estimates`` or ``tracks``, in the order of time.
+        time: all instants ``(instants,)``, s.
+        colour: the tracker's colour; None with hidden identities, where each track has its own.
     """
     known = np.isfinite(tracks["px_m"])
     rows = {name: values[known] for name, values in tracks.items()}
@@ -87,10 +87,7 @@ def send_tracks(stream: Stream, tracker: str, tracks: Columns, time: Array, colo
 
 
 def send_misses(stream: Stream, tracker: str, objects: pa.Table, truth: pa.Table, time: Array) -> None:
-    """Send a ring around each due vehicle without a track, at all instants (s).
-
-    ``objects`` has the states of the objects of this tracker.
-    """
+    """Send a ring around each due vehicle without a track, at all instants (s); ``objects`` has the tracker's rows."""
     vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
     parts = [np.empty((0, 3))]
     for (name, state), states in split(objects, "object", "state").items():
@@ -99,15 +96,15 @@ def send_misses(stream: Stream, tracker: str, objects: pa.Table, truth: pa.Table
             times = time[((time >= start - 1e-9) & (time < until - 1e-9)).any(axis=0)]
             step = np.searchsorted(vehicles[name]["time_s"], times - 1e-9)
             parts.append(np.stack([times, vehicles[name]["px_m"][step], vehicles[name]["py_m"][step]], axis=1))
-    places = np.concatenate(parts)
-    places = places[np.argsort(places[:, 0], kind="stable")]
-    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(places), 2), MISS_RADIUS), centers=places[:, 1:])
+    positions = np.concatenate(parts)
+    positions = positions[np.argsort(positions[:, 0], kind="stable")]
+    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(positions), 2), MISS_RADIUS), centers=positions[:, 1:])
     style = rr.Ellipses2D.from_fields(colors=rgba(MISSED), line_radii=pixels(1.5), draw_order=35.0)
-    stream.draw(path(*MISSES, tracker), time, style, rings, count=counts(places[:, 0], time))
+    stream.draw(path(*MISSES, tracker), time, style, rings, count=counts(positions[:, 0], time))
 
 
 def send_marks(stream: Stream, tracker: str, events: Iterable[TrackEvent]) -> None:
-    """Send switches, losses and the beginnings of false tracks, where and when they happened."""
+    """Send a mark at each switch, loss and beginning of a false track."""
     shown = [event for event in events if event.kind in MARKED]
     if not shown:
         return
@@ -122,9 +119,9 @@ def send_marks(stream: Stream, tracker: str, events: Iterable[TrackEvent]) -> No
 def send_associations(
     stream: Stream, tracker: str, taken: pa.Table, tracks: pa.Table, measurements: pa.Table, time: Array
 ) -> None:
-    """Send a line from each track to the detection that it took, at all instants (s).
+    """Send a line from each track to its associated detection, at all instants (s).
 
-    ``taken`` and ``tracks`` are rows of the tracker; ``measurements`` are all detections of the recorded run.
+    ``taken`` and ``tracks`` are the tracker's rows; ``measurements`` has all detections of the recorded run.
     """
     detections = table_frame(measurements)[["scan", "detection", "x_m", "y_m"]]
     pairs = table_frame(taken).merge(table_frame(tracks), on=["time_s", "track"])
@@ -137,22 +134,22 @@ def send_associations(
 
 
 def send_gates(stream: Stream, tracker: str, rows: Columns, time: Array) -> None:
-    """Send the outline of the gate of each track before the scans of each instant (s), in the track's colour."""
+    """Send the outline of each track's gate at each instant (s), in the track's colour."""
     first = np.flatnonzero((np.diff(rows["scan"], prepend=-1) != 0) | (np.diff(rows["track"], prepend=-1) != 0))
     strips = np.split(np.stack([rows["x_m"], rows["y_m"]], axis=1).astype(np.float32), first[1:])
-    colours = _plain_colours(rows["track"][first])
+    colours = _opaque_colours(rows["track"][first])
     lines = rr.LineStrips2D.columns(strips=strips, colors=colours)
     style = rr.LineStrips2D.from_fields(radii=pixels(0.5), draw_order=24.0)
     count = counts(rows["time_s"][first], time)
     stream.draw(path(*ASSOCIATIONS, tracker, "gates"), time, style, lines, count=count)
 
 
-def _plain_colours(identity: Array) -> Colours:
+def _opaque_colours(identity: Array) -> Colours:
     return np.asarray(rgba_of(IDENTITY_COLOURS)[identity.astype(int) % len(IDENTITY_COLOURS)])
 
 
 def _identity_colours(rows: Columns) -> Colours:
-    """Return RGBA of each track's identity, ``(rows,)``, fainter where the track states that it may not exist."""
+    """Return the RGBA colour of each row's track, ``(rows,)``, fainter for a smaller existence probability."""
     existence = np.nan_to_num(rows["existence"], nan=1.0)
     alpha = np.round(255 * (FAINTEST + (1 - FAINTEST) * existence)).astype(np.uint32)
-    return np.asarray((_plain_colours(rows["track"]) & 0xFFFFFF00) | alpha)
+    return np.asarray((_opaque_colours(rows["track"]) & 0xFFFFFF00) | alpha)

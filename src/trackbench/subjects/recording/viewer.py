@@ -1,4 +1,4 @@
-"""The Rerun viewer as a process of its own, and the recordings made ready for it."""
+"""The Rerun viewer as a process of its own, and the recordings that it opens."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from trackbench.subjects.recording.stream import TIMELINE
 from trackbench.subjects.recording.writer import write
 
 LOOPBACK = "127.0.0.1"
-#: For how long a viewer may take to start, to load a file and to draw it, s.
+#: Longest time for a viewer to start, to load a file, and to draw it, s.
 PATIENCE = 30.0
-#: Pixels of a picture.
+#: Width and height of a picture, pixels.
 SIZE = (1600, 1000)
 NO_SCREEN = (
     "there is no screen here for the viewer; report.html has a map, `trackbench inspect RUN --worst 3` lists the worst"
@@ -46,7 +46,7 @@ Answer = TypeVar("Answer")
 
 @dataclass
 class Viewer:
-    """A viewer that was started here and listens on a port."""
+    """Viewer process that listens on a port."""
 
     process: subprocess.Popen[bytes]
     port: int
@@ -54,37 +54,36 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Where it takes data and commands."""
+        """Address at which the viewer takes data and commands."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     def wait(self) -> ViewerClient:
-        """Wait until it draws and takes commands; to listen at its port is not enough.
+        """Wait until the viewer draws and takes commands, which is later than it listens on its port.
 
         Raises:
-            InputError: it ended, for want of a screen or of a driver.
-            TrackbenchError: it does not answer.
+            InputError: the viewer ended, since there is no screen or no driver.
+            TrackbenchError: the viewer does not answer.
         """
-        client = self.patiently(lambda: ViewerClient.connect(self.url))
-        self.patiently(client.get_state)
+        client = self.retry(lambda: ViewerClient.connect(self.url))
+        self.retry(client.get_state)
         return client
 
     def open(self, file: Path, at: float | None = None) -> ViewerClient:
         """Load a recording, and pause at a time (s) if one is given.
 
         Raises:
-            InputError: it ended, for want of a screen or of a driver.
-            TrackbenchError: it does not load them in time.
+            InputError: the viewer ended, since there is no screen or no driver.
+            TrackbenchError: the viewer does not load the file in time.
         """
         client = self.wait()
-        self.patiently(partial(client.open, str(file.resolve())))
-        self.patiently(lambda: client.get_state().loading == [] or None)
+        self.retry(partial(client.open, str(file.resolve())))
+        self.retry(lambda: client.get_state().loading == [] or None)
         if at is not None:
-            self.patiently(lambda: client.set_time(TIMELINE, duration=at, play_state="paused") or True)
+            self.retry(lambda: client.set_time(TIMELINE, duration=at, play_state="paused") or True)
         return client
 
     def stop(self) -> None:
-        """End the viewer."""
-        # What was started is a Python program that runs the viewer: both are of one group.
+        # The process is a Python program that runs the viewer; both are in one group.
         with suppress(ProcessLookupError):
             if hasattr(os, "killpg"):
                 os.killpg(self.process.pid, signal.SIGTERM)
@@ -93,8 +92,8 @@ class Viewer:
         self.process.wait()
         self.log.close()
 
-    def patiently(self, ask: Callable[[], Answer | None]) -> Answer:
-        """Ask until there is an answer: a viewer that starts or loads does not answer at once."""
+    def retry(self, ask: Callable[[], Answer | None]) -> Answer:
+        """Ask the viewer until it answers, since it answers nothing while it starts or loads."""
         limit = time.monotonic() + PATIENCE
         while True:
             cause = ""
@@ -105,7 +104,7 @@ class Viewer:
             except (ConnectionError, RuntimeError) as error:
                 cause = f": {error}"
             if self.process.poll() is not None:
-                raise ended(self.log)
+                raise end_error(self.log)
             if time.monotonic() > limit:
                 self.stop()
                 raise TrackbenchError(f"the viewer did not answer within {PATIENCE:g} s{cause}")
@@ -113,16 +112,16 @@ class Viewer:
 
 
 def start_viewer(*options: str) -> Viewer:
-    """Start a viewer that listens on a port of this machine alone; with ``--headless`` it needs no screen.
+    """Start a viewer that listens on a local port; with ``--headless`` it needs no screen.
 
-    It goes on when this process ends, unless it is stopped.
+    The viewer goes on when this process ends, unless it is stopped.
     """
     with socket.create_server((LOOPBACK, 0)) as probe:
         port = int(probe.getsockname()[1])
     log = tempfile.TemporaryFile()  # noqa: SIM115 (the viewer writes to it, and may outlive this process)
     command = [
         sys.executable,
-        # Without -P a module in the working directory comes before the library.
+        # -P keeps modules in the working directory from replacing libraries.
         "-P",
         "-m",
         "rerun_cli",
@@ -142,12 +141,7 @@ def start_viewer(*options: str) -> Viewer:
 
 
 def pictures(file: Path, times: Sequence[float], size: tuple[int, int] = SIZE) -> Iterator[bytes]:
-    """Yield what the viewer shows of a recording at some times (s), as PNGs, drawn without a screen.
-
-    Args:
-        file: the recording.
-        times: s.
-        size: pixels.
+    """Yield pictures of a recording at some times (s) as PNGs of ``size`` pixels, drawn without a screen.
 
     Raises:
         InputError: there is no Vulkan driver.
@@ -160,19 +154,19 @@ def pictures(file: Path, times: Sequence[float], size: tuple[int, int] = SIZE) -
             client.set_time(TIMELINE, duration=at, play_state="paused")
             limit = time.monotonic() + PATIENCE
             before, png = b"", client.take_screenshot()
-            # Views fill up over several frames; two pictures that are the same are of the last one.
+            # Views fill up over several frames; two equal pictures show the last one.
             while png != before and time.monotonic() < limit:
                 time.sleep(0.3)
                 before, png = png, client.take_screenshot()
             yield bytes(png)
     except (ConnectionError, RuntimeError) as error:
-        raise (ended(viewer.log) if viewer.process.poll() is not None else TrackbenchError(str(error))) from error
+        raise (end_error(viewer.log) if viewer.process.poll() is not None else TrackbenchError(str(error))) from error
     finally:
         viewer.stop()
 
 
-def ended(log: IO[bytes]) -> InputError:
-    """Return why a viewer ended by itself, and what to do about it."""
+def end_error(log: IO[bytes]) -> InputError:
+    """Return the error that says why a viewer ended by itself, and what to do about it."""
     with log:
         log.seek(0)
         text = log.read().decode(errors="replace")
@@ -186,15 +180,14 @@ def ended(log: IO[bytes]) -> InputError:
 
 @contextmanager
 def playable(path: Path, opening: Opening) -> Iterator[tuple[Path, float | None]]:
-    """Yield a file for the viewer, which is deleted at the end if it had to be written, and where it stops, s.
+    """Yield a recording for the viewer, and the time, s, at which it opens; a temporary recording is deleted later.
 
     Args:
-        path: the folder of a run, or a recording, which opens as it is: only a folder has all that is needed to centre
-            the scene on a vehicle or a tracker.
-        opening: what the viewer opens with.
+        path: folder of a run, or its recording; only a folder has the data to centre the scene on a vehicle.
+        opening: requested time, moment, vehicle and tracker.
 
     Raises:
-        InputError: the run cannot be read or lacks what the viewer should open with.
+        InputError: the run cannot be read, or lacks the time, moment, vehicle or tracker.
     """
     examined = path / RECORDING if path.is_dir() else path
     if examined.is_file() and (examined.parent / EXAMINATION).is_file():

@@ -1,6 +1,7 @@
-"""The views of the scene: the observer or a vehicle with its surroundings, and vehicles close up, all following.
+"""The views of the scene and the maps.
 
-And maps: the path that each contender estimated of each object, over the true one.
+A view of the scene follows the observer, or a vehicle with its surroundings or close up. A map has each tracker's
+estimated paths over the true ones.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from trackbench.subjects.recording.scene import FRAMES, LABEL_COLOUR, LABELS, ME
 from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba
 from trackbench.subjects.recording.tracks import trails
 
-#: How long a measurement stays in the picture, s.
+#: Time for which a measurement stays visible, s.
 RECENT_S = 0.3
-#: The most that the wide view shows around the observer unless even the nearest target is farther, and its margin, m.
+#: Largest reach of the wide view around the observer, unless the nearest target is farther, and its margin, m.
 REACH, MARGIN = 55.0, 7.0
 #: Half the size of a close-up, m.
 CLOSE = 3.0
@@ -37,35 +38,35 @@ BACKGROUND = (16, 18, 22)
 
 
 class Window(NamedTuple):
-    """A view around a frame; x to the right and y down from the frame's origin, m."""
+    """Rectangle of a view around a frame's origin; x points to the right and y down, m."""
 
     frame: str
     kind: str
     across: tuple[float, float]
     down: tuple[float, float]
     scale: float
-    """Length of its scale bar, m."""
+    """Length of the scale bar, m."""
 
     @property
     def metres_per_pixel(self) -> float:
-        """About how much a pixel of the wide view shows."""
+        """Approximate size of a pixel of the wide view, m."""
         sides = (self.across[1] - self.across[0], self.down[1] - self.down[0])
         return max(side / pixels for side, pixels in zip(sides, WIDE_PIXELS, strict=True))
 
     def around(self, vehicle: str) -> Window:
-        """Return a view of this size with a vehicle in the middle."""
+        """Return a view of equal size with a vehicle in the middle."""
         half = [(high - low) / 2 for low, high in (self.across, self.down)]
         return Window(vehicle, "around", (-half[0], half[0]), (-half[1], half[1]), self.scale)
 
-    def closer(self, beside: tuple[float, float] = (0.0, 0.0)) -> Window:
-        """Return the view up to ``NEAR`` from the middle, or from a place ``beside`` it, m to the right and up."""
+    def closer(self, offset: tuple[float, float] = (0.0, 0.0)) -> Window:
+        """Return a view up to ``NEAR`` from its middle, which is moved by ``offset``, m to the right and up."""
         (left, right), (top, bottom) = self.across, self.down
-        x, y = (left + right) / 2 + beside[0], (top + bottom) / 2 - beside[1]
+        x, y = (left + right) / 2 + offset[0], (top + bottom) / 2 - offset[1]
         return self._replace(across=(x - NEAR, x + NEAR), down=(y - NEAR, y + NEAR))
 
 
 def wide_window(truth: pa.Table) -> Window:
-    """Return the observer's view, which has the vehicles nearby most of the time, or else the surroundings."""
+    """Return the observer's view, large enough for nearby vehicles most of the time; a fixed size without any."""
     vehicles = split(truth, "role", "object")
     observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
     targets = [rows for (role, _), rows in vehicles.items() if role == "target"]
@@ -86,13 +87,12 @@ def wide_window(truth: pa.Table) -> Window:
 
 
 def close_up(vehicle: str) -> Window:
-    """Return a view of a vehicle and little else."""
     return Window(vehicle, "close", (-CLOSE, CLOSE), (-CLOSE, CLOSE), 1.0)
 
 
 def send_scales(stream: Stream, wide: Window, vehicles: Iterable[str]) -> None:
-    """Send a scale bar at the lower left of each view that may be opened."""
-    for window in (wide, *(each for name in vehicles for each in (wide.around(name), close_up(name)))):
+    """Send a scale bar for the lower left of each view."""
+    for window in (wide, *(view for name in vehicles for view in (wide.around(name), close_up(name)))):
         top, bottom = window.down
         x, y = window.across[0] + window.scale / 2, bottom - 0.08 * (bottom - top)
         bar = rr.LineStrips2D(
@@ -113,15 +113,15 @@ def scene_views(
     focus: Focus,
     first: str | None = None,
 ) -> rrb.Container:
-    """Return the wide view beside tabs with a close-up of each of ``vehicles``, ``first`` in front.
+    """Return the wide view beside tabs with a close-up of each vehicle, ``first`` in front.
 
-    The one in focus is also in the middle of the wide view.
+    A vehicle in focus is in front, and in the middle of the wide view.
     """
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | trails(trackers)
     name = "Seen from above"
     if focus.vehicle is not None:
         wide, name = wide.around(focus.vehicle), f"{name}, around {focus.vehicle}"
-    tabs = [scene_view(close_up(each), each, shown, f"- {path(*LABELS)}") for each in vehicles]
+    tabs = [scene_view(close_up(vehicle), vehicle, shown, f"- {path(*LABELS)}") for vehicle in vehicles]
     front = focus.vehicle or first
     tab = vehicles.index(front) if front in vehicles else 0
     return rrb.Horizontal(scene_view(wide, name, shown), rrb.Tabs(*tabs, active_tab=tab), column_shares=[2, 1])
@@ -141,14 +141,14 @@ def from_above(
     bounds: tuple[tuple[float, float], tuple[float, float]],
     shown: Mapping[str, float],
 ) -> rrb.Spatial2DView:
-    """Return a view of a scene.
+    """Return a view of a scene from above.
 
     Args:
-        frame: entity whose frame is the view's own; y is down in it.
-        name: above the view.
-        contents: Rerun's queries for what is in it.
+        frame: entity of the view's frame, in which y points down.
+        name: title of the view.
+        contents: Rerun's queries for the entities in the view.
         bounds: left and right, top and bottom in the frame, m.
-        shown: entities that are shown for a while: for how long, s.
+        shown: time for which an entity stays visible, s, by entity.
     """
     overrides: Any = {
         entity: rrb.VisibleTimeRanges(
@@ -169,23 +169,23 @@ def from_above(
 
 
 MAPS, FRAME = "maps", "maps_frame"
-#: A map this many times as wide as high has the whole width.
+#: Ratio of width to height above which a map takes the whole width.
 ELONGATED = 4.0
 
 
 def send_maps(stream: Stream, tables: Tables, trackers: Mapping[str, str]) -> None:
-    """Send the true paths, and the path that each tracker estimated of each object in the tracker's colour."""
+    """Send the true paths, and each tracker's estimated paths in the tracker's colour."""
     stream.turn_y_down(FRAME)
     wide = rr.LineStrips2D(_paths(tables.truth), colors=rgba(TRUTH_COLOUR), radii=pixels(2.0), draw_order=1.0)
     stream.static(path(MAPS, "truth"), wide)
     for tracker, colour in trackers.items():
-        own = tables.estimates.filter(pc.equal(tables.estimates["tracker"], tracker))
-        lines = rr.LineStrips2D(_paths(own), colors=rgba(colour), radii=pixels(0.75), draw_order=2.0)
+        estimates = tables.estimates.filter(pc.equal(tables.estimates["tracker"], tracker))
+        lines = rr.LineStrips2D(_paths(estimates), colors=rgba(colour), radii=pixels(0.75), draw_order=2.0)
         stream.static(path(MAPS, "estimates", tracker), lines)
 
 
 def maps_view(tables: Tables, trackers: Iterable[str]) -> rrb.Container:
-    """Return a view of the map of each tracker."""
+    """Return the maps of all trackers."""
     at = np.concatenate(_paths(tables.truth))
     (left, low), (right, high) = at.min(axis=0) - MARGIN, at.max(axis=0) + MARGIN
     views = [
@@ -203,7 +203,7 @@ def maps_view(tables: Tables, trackers: Iterable[str]) -> rrb.Container:
 
 
 def _paths(table: pa.Table) -> list[Array]:
-    """Return the path of each object, ``(points, 2)`` m, where it is in the scene and has a position."""
+    """Return the path of each object, ``(points, 2)``, m, at the instants at which it is present with a position."""
     paths = []
     for rows in split(table, "object").values():
         at = np.stack([rows["px_m"], rows["py_m"]], axis=1)

@@ -1,4 +1,4 @@
-"""Writes the recording of a run or of a replay, whole or not at all."""
+"""The writing of a run's or a replay's recording, whole or not at all."""
 
 from __future__ import annotations
 
@@ -18,10 +18,16 @@ from trackbench.metrics.function_events import drawn_instants, events_of
 from trackbench.results import Result, write_bytes
 from trackbench.results.columns import split
 from trackbench.subjects.recording import functions, layout, scene, tracks, views
-from trackbench.subjects.recording.contents import Contents, about_text, contents_of, of_trackers, ranking_text
+from trackbench.subjects.recording.contents import (
+    Contents,
+    contents_of,
+    description_text,
+    ranking_text,
+    rows_of_trackers,
+)
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.layout import opened, plot, send_chart, send_legend, with_legend
+from trackbench.subjects.recording.layout import plot, send_chart, send_legend, with_legend, with_time_panel
 from trackbench.subjects.recording.moments import moments_table
 from trackbench.subjects.recording.series import charts_of, charts_of_tracks
 from trackbench.subjects.recording.stream import Stream, outlines, path, pixels, rgba, send_points
@@ -29,7 +35,7 @@ from trackbench.subjects.recording.views import RECENT_S, from_above
 
 
 def write(result: Result, path: Path, focus: Focus = layout.WHOLE) -> None:
-    """Write one run as a Rerun recording (.rrd) with its layout.
+    """Write a run as a Rerun recording (.rrd) with its layout.
 
     The timeline is ``sim_time``, in seconds of simulated time; positions are in metres of the fixed frame.
 
@@ -41,11 +47,14 @@ def write(result: Result, path: Path, focus: Focus = layout.WHOLE) -> None:
 
 
 def write_recording(path: Path, name: str, send_all: Callable[[rr.RecordingStream], None]) -> None:
-    """Write what a function sends; raises as :func:`write`. The viewer has one layout for recordings of a ``name``."""
+    """Write the recording that ``send_all`` sends, with the errors of :func:`write`.
+
+    The viewer keeps one layout for all recordings of a ``name``.
+    """
     recording = rr.RecordingStream(name)
     if not rr.is_enabled(recording):
         raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
-    # To memory first: Rerun's own file sink waits for ever on a full disk.
+    # Rerun's own file sink waits for ever on a full disk, so that the recording goes to memory first.
     binary = rr.binary_stream(recording)
     send_all(recording)
     content = binary.read()
@@ -59,7 +68,7 @@ def application(scenario: str) -> str:
 
 
 def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WHOLE) -> None:
-    """Send everything that is shown and kept of a run, and its layout."""
+    """Send all drawings and data of a run, and its layout."""
     contents = contents_of(result)
     stream, tables, colours = Stream(recording), contents.scene, contents.colours
     wide = views.wide_window(contents.tables.truth)
@@ -67,15 +76,15 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
         charts = charts_of_tracks(contents)
         blueprint = layout.track_blueprint(contents, charts, wide, focus)
     else:
-        every = charts_of(contents)
-        charts = [chart for group in (every.all_runs, every.recorded, *every.vehicles.values()) for chart in group.all]
-        blueprint = layout.blueprint(contents, every, wide, focus)
+        parts = charts_of(contents)
+        charts = [chart for group in (parts.all_runs, parts.recorded, *parts.vehicles.values()) for chart in group.all]
+        blueprint = layout.blueprint(contents, parts, wide, focus)
     recording.send_blueprint(blueprint)
     recording.send_recording_name(result.name)
-    kept = {name: getattr(result.summary, name) for name in ("seed", "recorded_run", "fingerprint", "engine")}
-    recording.send_property("trackbench", rr.AnyValues(scenario=result.summary.scenario.name, **kept))
+    properties = {name: getattr(result.summary, name) for name in ("seed", "recorded_run", "fingerprint", "engine")}
+    recording.send_property("trackbench", rr.AnyValues(scenario=result.summary.scenario.name, **properties))
     stream.markdown("ranking", ranking_text(result))
-    stream.markdown("about", about_text(contents))
+    stream.markdown("about", description_text(contents))
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
     layout.send_legend(stream, layout.entries_of(contents))
@@ -95,39 +104,39 @@ def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WH
     for chart in charts:
         send_chart(stream, chart)
     functions.send_functions(stream, contents.decisions, contents.function_events, colours)
-    send_data(stream, result, contents.kept)
+    send_data(stream, result, contents.stored)
 
 
 def _send_hidden(stream: Stream, contents: Contents) -> None:
-    """Send the tracks, gates, associations, misses and events of each tracker."""
     result, tables, time = contents.result, contents.scene, drawn_instants(contents.scene)
     for (tracker,), rows in split(tables.tracks, "tracker").items():
         tracks.send_tracks(stream, tracker, rows, time)
     for (tracker,), rows in split(tables.if_there("gates"), "tracker").items():
         tracks.send_gates(stream, tracker, rows, time)
     for tracker in contents.colours:
-        taken, own, objects = (of_trackers(tables.if_there(name), [tracker]) for name in ("taken", "tracks", "objects"))
+        names = ("taken", "tracks", "objects")
+        taken, own_tracks, objects = (rows_of_trackers(tables.if_there(name), [tracker]) for name in names)
         if objects.num_rows:
             tracks.send_misses(stream, tracker, objects, tables.truth, time)
-        if taken.num_rows and own.num_rows:
-            tracks.send_associations(stream, tracker, taken, own, tables.measurements, time)
+        if taken.num_rows and own_tracks.num_rows:
+            tracks.send_associations(stream, tracker, taken, own_tracks, tables.measurements, time)
         events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
         tracks.send_marks(stream, tracker, events)
 
 
-#: In a table of events, rows.
+#: Largest number of rows in the table of events.
 MOST_EVENTS = 40
 
 
 def costs(result: Result, trackers: Collection[str]) -> str:
-    """Return the events of the recorded run that cost anything as Markdown, the costliest first, track starts last."""
+    """Return the events with a cost in the recorded run as Markdown, the costliest first, track starts last."""
     events = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
     costly = [event for event in events if event.cost_m2][:MOST_EVENTS]
     parts = [moments_table(costly)] if costly else [Paragraph("None.")]
     return to_markdown(Document("recording", "Events by cost", tuple(parts)))
 
 
-#: The entity that turns y down, as Rerun's 2D views have it, so that a left turn goes left.
+#: Entity whose y axis points down, as in Rerun's 2D views, so that a left turn goes left.
 FRAME = "frame"
 
 
@@ -135,13 +144,13 @@ def write_replay(replay: Replay, file: Path) -> None:
     """Write a replay as a Rerun recording (.rrd) with its layout, which plays in a loop.
 
     The timeline is ``sim_time``, in s; positions are in m in the fixed frame. The entities of a scene are below its
-    name. Raises as :func:`write`.
+    name. Raises the errors of :func:`write`.
     """
 
     def send(recording: rr.RecordingStream) -> None:
         scenes = rrb.Tabs(*(_scene_tab(part) for part in replay.scenes), active_tab=0)
         text = rrb.TextDocumentView(origin=replay.title.lower(), name=replay.title)
-        recording.send_blueprint(opened(with_legend(scenes, list(replay.legend), text), "playing"))
+        recording.send_blueprint(with_time_panel(with_legend(scenes, list(replay.legend), text), "playing"))
         recording.send_recording_name(replay.name)
         stream = Stream(recording)
         stream.markdown(replay.title.lower(), replay.text)
@@ -161,7 +170,7 @@ def _scene_tab(scene: ReplayScene) -> rrb.Container:
         "From above",
         [f"+ {path(scene.name, 'world')}/**"],
         ((left, right), (-high, -low)),
-        {path(scene.name, "world", "measurements", of.sensor): RECENT_S for of in scene.measurements if len(of.time)},
+        {path(scene.name, "world", "measurements", m.sensor): RECENT_S for m in scene.measurements if len(m.time)},
     )
     charts = rrb.Vertical(*map(plot, scene.beside))
     above = rrb.Horizontal(view, charts, column_shares=[3, 2])
@@ -184,6 +193,6 @@ def _send_scene(stream: Stream, scene: ReplayScene) -> None:
             ellipses = rr.LineStrips2D.columns(strips=outlines(track.position.T, p_00, p_01, p_11))
             thin = rr.LineStrips2D.from_fields(colors=rgba(track.colour), radii=pixels(0.75), draw_order=15.0)
             stream.draw(path(*place, "covariance"), track.time, thin, ellipses)
-    for of in scene.measurements:
-        entity = path(*world, "measurements", of.sensor)
-        send_points(stream, entity, of.time, of.position, of.colour, 2.0, 10.0)
+    for item in scene.measurements:
+        entity = path(*world, "measurements", item.sensor)
+        send_points(stream, entity, item.time, item.position, item.colour, 2.0, 10.0)
