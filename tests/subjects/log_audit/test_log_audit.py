@@ -20,7 +20,7 @@ from trackbench.metrics.blocks import Blocks
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.subjects.log_audit.api import ReportableAudit, audit
-from trackbench.subjects.log_audit.audit import pasted
+from trackbench.subjects.log_audit.audit import yaml_to_paste
 from trackbench.truth.recorded.robust import clipped_sigma
 
 #: What is wrong with a radar, and its names in an audit.
@@ -92,7 +92,7 @@ def test_the_effect_of_what_is_put_in(faulty: list[ReportableAudit], tmp_path: P
     item = faulty[0]
     item.save(tmp_path / "out")
     fixed = load_scenario(tmp_path / "out" / "scenario.yaml")
-    block = yaml.safe_load(pasted(item.scenario, item.findings))
+    block = yaml.safe_load(yaml_to_paste(item.scenario, item.findings))
     whole = yaml.safe_load((tmp_path / "out" / "scenario.yaml").read_text(encoding="utf-8"))
     assert block["sensors"] == {name: whole["sensors"][name] for name in block["sensors"]}
     check(fixed)
