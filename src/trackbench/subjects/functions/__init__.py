@@ -1,4 +1,8 @@
-"""Driver assistance functions, which decide on tracks and on the truth alike."""
+"""Driver assistance functions: their decisions on a tracker's tracks, compared with those on the ground truth.
+
+A scenario's ``functions:`` block comes in; metrics, tables and a section of the report go out. Read ``protocol.py``
+first, then ``sums.py``.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

@@ -1,4 +1,4 @@
-"""The block ``functions`` of a scenario, and what it needs of the rest of the scenario."""
+"""The block ``functions`` of a scenario, and its requirements on the rest of the scenario."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ BLOCK = FieldBlock(
     dict[Name, Annotated[Function, Plugin(FUNCTIONS, "use")]],
     Field(
         default_factory=dict,
-        description="Driver assistance functions, by name, whose decisions on the tracks are held against those on the "
-        "truth.",
+        description="Driver assistance functions, by name. Their decisions on the tracks are compared with their "
+        "decisions on the truth.",
     ),
     """\
 functions:
   fcw: {use: forward_collision_warning, ttc_s: 2.4}
 """,
 )
-#: Functions decide at the instants of the sensors, of which the fastest has at least this rate, Hz.
+#: Smallest rate of the fastest sensor, Hz, since functions decide when a sensor measures.
 SLOWEST_DECISIONS = 10.0
-#: How the observer becomes the ego, by the source of the truth; others have none.
+#: Instruction how the observer becomes the ego, by source of the truth; other sources have no ego.
 EGO = {
     "highway-env": "write truth.observer: ego",
     "recorded-traffic": "name its vehicle: truth.observer: {vehicle: ...}",
@@ -44,16 +44,16 @@ def listed_functions() -> Iterator[tuple[str, str]]:
 
 
 def function_problems(scenario: Any) -> Iterator[Problem]:
-    """Yield what is wrong between the functions of a scenario and its other sections."""
+    """Yield conflicts between the functions of a scenario and its other sections."""
     if not scenario.functions:
         return
-    yield from _without_ego(scenario)
+    yield from _ego_problems(scenario)
     if scenario.score.point != "centre":
         yield Problem(("score", "point"), "functions reckon from the centre of a body: remove them, or write centre")
-    yield from _too_slow(scenario)
+    yield from _rate_problems(scenario)
 
 
-def _without_ego(scenario: Any) -> Iterator[Problem]:
+def _ego_problems(scenario: Any) -> Iterator[Problem]:
     truth = scenario.truth
     if isinstance(truth, RecordingTruth) and truth.ego is not None and not truth.without_truth:
         return
@@ -65,9 +65,9 @@ def _without_ego(scenario: Any) -> Iterator[Problem]:
             yield Problem(("functions", name), f"the observer is a fixed point, and a function needs an ego: {remedy}")
 
 
-def _too_slow(scenario: Any) -> Iterator[Problem]:
-    each = [tracker.sensors for tracker in scenario.trackers.values()]
-    read = {name for sensors in each for name in (scenario.sensors if sensors is None else sensors)}
+def _rate_problems(scenario: Any) -> Iterator[Problem]:
+    sensor_names = [tracker.sensors for tracker in scenario.trackers.values()]
+    read = {name for sensors in sensor_names for name in (scenario.sensors if sensors is None else sensors)}
     rates = {name: sensor.rate_hz for name, sensor in scenario.sensors.items() if name in read}
     stated = {name: rate for name, rate in rates.items() if rate is not None}
     if not stated or len(stated) < len(rates):

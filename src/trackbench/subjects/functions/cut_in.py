@@ -1,4 +1,4 @@
-"""Cut-in: an object beside the path that will soon be in it."""
+"""The cut-in function, for an object beside the path that will soon be in it."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ HORIZON_S = 1.0
 
 
 class CutIn(Function):
-    """Expects an object ahead and beside the path of the ego in it, and too near.
+    """Warns of an object ahead and beside the path of the ego that will soon be in the path, and too near.
 
-    An object that does not overlap the path in width now is expected to where its lateral speed y' carries it: y + y' h
-    after the horizon h = 1 s. Too near is a gap below the larger of the ego's speed times a headway and the closing
-    speed times a time to collision. The probability is that of the overlap after the horizon times that of the gap,
-    both exact on a straight path.
+    The lateral position of an object that does not overlap the path now is predicted with its lateral speed y':
+    y + y' h after the horizon h = 1 s. A gap is too near below the larger of two lengths: the ego's speed times a
+    headway, and the closing speed times a time to collision. The probability is the product of two: of an overlap
+    after the horizon, and of too near a gap. Both are exact on a straight path.
 
     UN Regulation No. 157, paragraph 5.2.5.2, judges a cut-in by the time to collision when the vehicle intrudes; the
-    prediction and the defaults are ours.
+    prediction and the defaults are this project's.
     """
 
     quantity = Quantity("entry", "s", "time until it is in the path")
 
-    headway_s: NonNegative = Field(1.0, description="Nearer ahead than this, by the speed of the ego, is too near, s.")
+    headway_s: NonNegative = Field(1.0, description="A shorter time gap at the ego's speed is too near, s.")
     ttc_s: NonNegative = Field(3.0, description="A shorter time to collision is too near, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:

@@ -1,4 +1,4 @@
-"""Emergency braking by the deceleration that avoids a collision."""
+"""The emergency braking, by the deceleration that avoids a collision."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from trackbench.metrics.ego import Ego
 from trackbench.subjects.functions.path import on_path, probability_positive
 from trackbench.subjects.functions.protocol import Decision, Function, Objects, Quantity, decision
 
-#: What is required is never stated to be more than this, m/s^2: no tyre gives more than about the gravity.
+#: Largest required deceleration that is stated, m/s^2: tyres give about the acceleration of gravity at most.
 LARGEST = 9.81
 
 
 class EmergencyBraking(Function):
-    """Brakes for an object in the path of the ego that takes more than a certain deceleration to avoid.
+    """Brakes for an object in the path of the ego if its avoidance requires more than a certain deceleration.
 
     The required deceleration of the relative motion is v^2 / (2 d) with the gap d and the closing speed v, as if the
-    object kept its velocity. The condition is v |v| - 2 a d > 0, of an object ahead that overlaps the path in width;
-    its probability is that of the margin, to first order, times that of the overlap. While active it commands the
-    required deceleration.
+    object kept its velocity. The condition is v |v| - 2 a d > 0, for an object ahead that overlaps the path in width.
+    Its probability is the margin's, to first order, times the overlap's. While active, it commands the required
+    deceleration.
 
     Source: Jansson (2005), "Collision Avoidance Theory", section 5.2; Stellet et al. (2016), "Analytical derivation of
     performance bounds of autonomous emergency brake systems": a threshold of 6 m/s^2.
@@ -30,7 +30,7 @@ class EmergencyBraking(Function):
     quantity = Quantity("deceleration", "m/s^2", "required deceleration")
     brakes = True
 
-    deceleration_mps2: Positive = Field(6.0, description="It brakes where more is required, m/s^2.")
+    deceleration_mps2: Positive = Field(6.0, description="Required deceleration above which it brakes, m/s^2.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
         place = on_path(ego, objects)
@@ -44,7 +44,7 @@ class EmergencyBraking(Function):
 
 
 def required_deceleration(closing: Array, distance: Array) -> Array:
-    """``(...)`` m/s^2 that takes a closing speed away over a distance: ``LARGEST`` at most, and where none is left."""
+    """Return the deceleration, m/s^2 ``(...)``, that removes a closing speed over a distance; at most ``LARGEST``."""
     square, room = np.maximum(closing, 0.0) ** 2, np.maximum(2.0 * distance, 0.0)
     enough = square < LARGEST * room
     return np.where(enough, square / np.where(enough, room, 1.0), np.where(square > 0, LARGEST, 0.0))

@@ -1,4 +1,4 @@
-"""Following distance: which vehicle is the lead, and how far it is ahead in time."""
+"""The following distance: the choice of the lead, and its headway."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from trackbench.subjects.functions.protocol import Decision, Function, Objects, 
 class FollowingDistance(Function):
     """Chooses the lead, the nearest object ahead in the path of the ego, and is active where it is too near.
 
-    The headway is the gap over the speed of the ego: the time until it is where the lead's rear is now. An object is in
-    the path where it overlaps it in width with more than the probability. One that is farther than the range is no
-    lead: no sensor need see it. The condition is d - v t < 0 with the gap d
-    and the ego's speed v; its probability is exact on a straight path, times that of the overlap.
+    The headway is the gap over the ego's speed: the time until the ego reaches the lead's present rear. An object is in
+    the path where it overlaps the path in width with more than the probability. An object beyond the range is no lead,
+    since no sensor need see it. The condition is d - v t < 0 with the gap d and the ego's speed v. Its probability is
+    exact on a straight path, and is multiplied by the probability of the overlap.
 
     Source: ISO 15622 (adaptive cruise control systems): the time gap is 0.8 s or more.
     """
@@ -24,9 +24,9 @@ class FollowingDistance(Function):
     quantity = Quantity("headway", "s", "headway")
     chooses_lead = True
 
-    headway_s: Positive = Field(0.8, description="It is active where the headway is shorter, s.")
+    headway_s: Positive = Field(0.8, description="Headway below which it is active, s.")
 
-    range_m: Positive = Field(150.0, description="A gap up to which an object can be the lead, m.")
+    range_m: Positive = Field(150.0, description="Largest gap of a lead, m.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
         place = on_path(ego, objects)

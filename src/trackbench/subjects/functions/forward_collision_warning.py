@@ -1,4 +1,4 @@
-"""Forward collision warning by the time to collision."""
+"""The forward collision warning, by the time to collision."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from trackbench.subjects.functions.protocol import Decision, Function, Objects, 
 class ForwardCollisionWarning(Function):
     """Warns of an object in the path of the ego whose time to collision is too short.
 
-    With the gap d and the closing speed v the condition is d - v t < 0, of an object ahead that overlaps the path in
-    width. Its probability is Phi((v t - d) / sigma) times that of the overlap: along and across the path errors are
-    taken to be independent. It is exact on a straight path, since the margin is linear.
+    With the gap d and the closing speed v the condition is d - v t < 0, for an object ahead that overlaps the path in
+    width. Its probability is Phi((v t - d) / sigma) times the probability of the overlap: errors along and across the
+    path are assumed to be independent. It is exact on a straight path, since the margin is linear.
 
     Source: ISO 15623 (forward vehicle collision warning systems); NHTSA (2013), "Forward Collision Warning System
     Confirmation Test", which states when a warning has to come as a time to collision.
@@ -23,7 +23,7 @@ class ForwardCollisionWarning(Function):
 
     quantity = Quantity("ttc", "s", "time to collision")
 
-    ttc_s: Positive = Field(2.4, description="It warns where the time to collision is shorter, s.")
+    ttc_s: Positive = Field(2.4, description="Time to collision below which it warns, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
         place = on_path(ego, objects)

@@ -1,4 +1,4 @@
-"""Lane change: whether a car behind in the next lane is too near."""
+"""The lane change function, for a car behind in the next lane that is too near."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ REACTION_S = 0.4
 
 
 class LaneChange(Function):
-    """Holds a lane change back while a car behind or beside in the next lane would have to brake too hard for it.
+    """Prevents a lane change while a car behind or beside in the next lane would have to brake too hard.
 
-    A lane change is critical where a car behind approaches and its gap d is below v t_g + c t_b + c^2 / (2 a): the
-    ego's speed v times the time gap that is left, what the closing speed c > 0 covers before the car brakes, and what
-    it covers while it brakes at a. It is critical too where a car is beside, at any speed, not yet past the ego; no
-    deceleration is stated of that one. The car has to overlap the path of the ego, moved by one lane, in width. The
-    probability is the larger of those of both cases times that of the overlap; the first is the smaller one of those
-    of the margin, to first order, and of c > 0.
+    A lane change is critical where a car behind approaches and its gap d is below v t_g + c t_b + c^2 / (2 a). The
+    terms are the ego's speed v times the remaining time gap, the way of the closing speed c > 0 before the car brakes,
+    and its way while the car brakes at a. A car beside the ego is critical at any speed. The car must overlap in width
+    with the ego's path, moved by one lane. The probability is the overlap's times the larger one of both cases. For a
+    car behind it is the smaller one of two: of the margin, to first order, and of c > 0.
 
     Source: UN Regulation No. 79, paragraph 5.6.4.7: a = 3 m/s^2, t_b = 0.4 s, t_g = 1 s.
     """
 
     quantity = Quantity("deceleration", "m/s^2", "deceleration that is required of the car behind")
 
-    side: Literal["left", "right"] = Field("left", description="Of the next lane.")
-    deceleration_mps2: Positive = Field(3.0, description="With which the car behind may have to brake, m/s^2.")
-    headway_s: NonNegative = Field(1.0, description="Time gap that is to be left between the two, s.")
+    side: Literal["left", "right"] = Field("left", description="Side of the next lane.")
+    deceleration_mps2: Positive = Field(
+        3.0, description="Largest deceleration that may be required of the car behind, m/s^2."
+    )
+    headway_s: NonNegative = Field(1.0, description="Time gap that must remain between the two, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
         place = on_path(ego, objects)

@@ -1,4 +1,4 @@
-"""The metrics of each function that a scenario asks for."""
+"""The metrics of the assistance functions of a scenario."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ NO_EVENT = "the function is never active on the truth: no event"
 
 
 class FunctionMetric(Metric):
-    """A metric of one function; its class is made for that function, by :func:`function_metrics`."""
+    """Metric of one function; :func:`function_metrics` makes a class for each function."""
 
     needs: ClassVar[Set[str]] = frozenset({"truth"})
     better: ClassVar[Direction | None] = "smaller"
     at_least: ClassVar[float] = 0.0
     stem: ClassVar[str]
-    """Of its name, before that of the function."""
+    """First part of the metric's name; the name of the function follows."""
     label: ClassVar[str]
-    """The name of the function in the scenario."""
+    """Name of the function in the scenario."""
     function: ClassVar[Function]
     total: ClassVar[str]
-    """Row of the sums, and that of the number of its terms."""
+    """Row of the sums with the metric's total; ``count`` is the row with the number of terms."""
     count: ClassVar[str]
     missing: ClassVar[str] = NO_EVENT
-    """Why there is no value where there is no term."""
+    """Reason why there is no value without terms."""
     squared: ClassVar[bool] = False
-    """Whether the total is of squares."""
+    """Whether the terms are squares, so that the value is a root mean square."""
     counted: ClassVar[Counted | None] = None
-    """Of what is counted, whether it is a share or a rate."""
+    """Whether a metric that counts events is a share or a rate; None for a mean."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Its class has no name in this module.
-        return _of_function, (type(self).__bases__[0], self.label, self.function)
+        # The class is made at run time, so that pickle cannot find it by name.
+        return _metric_of_function, (type(self).__bases__[0], self.label, self.function)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Its value in each run, and how many terms it is of."""
+        """Columns of the value in each run, and of its number of terms."""
         return run_column(self.name), f"{self.name}_count"
 
     def in_runs(self, path: str, sums: FunctionScores, interval: Interval | None, runs: int) -> dict[str, Array]:
@@ -72,7 +72,7 @@ class FunctionMetric(Metric):
 
 
 class WarnDelay(FunctionMetric):
-    """Signed, so that neither direction is better; ``warn_error`` compares."""
+    """Signed mean delay, without a better direction; trackers are compared by ``warn_error``."""
 
     stem, total, count, unit = "warn_delay", "delay", "events", "s"
     meaning = "time from an event on the truth to that on the tracks, mean over events"
@@ -94,7 +94,7 @@ class WarnDelay(FunctionMetric):
         low, middle, high = np.quantile(delay, [0.05, 0.5, 0.95]).tolist()
         details = {"p05": low, "p50": middle, "p95": high, "missing": float(sums.missing.mean())}
         apart = {"early": delay[delay < 0], "late": delay[delay > 0]}
-        details |= {name: float(own.mean()) for name, own in apart.items() if len(own)}
+        details |= {name: float(delays.mean()) for name, delays in apart.items() if len(delays)}
         return value._replace(details=tuple(details.items()))
 
 
@@ -117,8 +117,7 @@ class FalseWarnings(FunctionMetric):
 
 
 class QuantityError(FunctionMetric):
-    """Of what the function computes of its object: at the instants of the first ``TOLERANCE`` s of each event at which
-    it has a value on the truth and on the tracks."""
+    """Error of the function's quantity in the first ``TOLERANCE`` s of each event, where truth and tracks have one."""
 
     total, count, squared = "squared_error", "errors", True
     meaning = "root mean square error of the {}, in the first 0.5 s of each event"
@@ -141,24 +140,24 @@ EVENT_METRICS: tuple[type[FunctionMetric], ...] = (WarnDelay, WarnError, MissedW
 
 
 def function_metrics(functions: Mapping[str, Function]) -> tuple[FunctionMetric, ...]:
-    """The metrics of the functions of a scenario, by its names."""
+    """Return the metrics of a scenario's functions."""
     return tuple(
-        _of_function(kind, label, function) for label, function in functions.items() for kind in _kinds(function)
+        _metric_of_function(kind, label, function) for label, function in functions.items() for kind in _kinds(function)
     )
 
 
 def published_metrics() -> list[FunctionMetric]:
-    """Those that the published functions have, each once, with ``<function>`` for a name in a scenario."""
-    every = [
+    """Return the metrics of all published functions, each once, with ``<function>`` as the function's name."""
+    metrics = [
         metric
         for function in FUNCTIONS.loaded().values()
         for metric in function_metrics({"<function>": function.model_construct()})
     ]
-    return list({metric.name: metric for metric in every}.values())
+    return list({metric.name: metric for metric in metrics}.values())
 
 
 def functions_among(metrics: Iterable[Metric]) -> dict[str, Function]:
-    """The functions of these metrics, by their names."""
+    """Return the functions to which some metrics belong, by name."""
     return {metric.label: metric.function for metric in metrics if isinstance(metric, FunctionMetric)}
 
 
@@ -167,7 +166,7 @@ def _kinds(function: Function) -> list[type[FunctionMetric]]:
     return [*EVENT_METRICS, QuantityError, *more, *([BrakeError] if function.brakes else [])]
 
 
-def _of_function(kind: type[FunctionMetric], label: str, function: Function) -> FunctionMetric:
+def _metric_of_function(kind: type[FunctionMetric], label: str, function: Function) -> FunctionMetric:
     quantity = function.quantity
     members: dict[str, Any] = {"stem": f"{quantity.name}_error", "unit": quantity.unit} if kind is QuantityError else {}
     stem = members.get("stem") or kind.stem

@@ -1,4 +1,4 @@
-"""The path of the ego, and objects in its coordinates."""
+"""The path of the ego, and the coordinates of objects along it."""
 
 from __future__ import annotations
 
@@ -12,46 +12,45 @@ from trackbench.base.types import Array
 from trackbench.metrics.ego import Ego
 from trackbench.subjects.functions.protocol import Objects
 
-#: Below this speed the path is taken to be straight on, m/s: the quotient of two small rates means nothing.
+#: Speed below which the path is assumed to be straight, m/s, since yaw rate over speed is then meaningless.
 STANDING = 0.5
-#: Curvature of a straight path: its coordinates differ from those of a line by less than rounding, 1/m.
+#: Curvature used for a straight path, 1/m; its coordinates equal a line's up to rounding.
 STRAIGHT = 1e-12
-#: A time that is not shorter is this one, s: how far away what is far away is does not matter.
+#: Largest time that is returned, s, since differences of long times do not matter.
 LONGEST = 10.0
 
 
 class OnPath(NamedTuple):
-    """Objects in coordinates along and across the path of the ego, an arc of constant curvature. Each ``(K, ...)``."""
+    """Coordinates of objects along and across the ego's path, an arc of constant curvature; arrays ``(K, ...)``."""
 
     along: Array
-    """From the ego's centre, along the arc, to the object's, m."""
+    """Distance from the ego's centre to the object's, along the arc, m."""
     across: Array
-    """m, to the left."""
+    """Distance to the left of the path, m."""
     speed: Array
-    """Of the object in the direction of the path beside it, m/s."""
+    """Speed of the object in the direction of the nearest point of the path, m/s."""
     lateral_speed: Array
-    """m/s, to the left."""
+    """Speed to the left, m/s."""
     direction: tuple[Array, Array]
-    """Cosine and sine of the direction of the path beside it, in the fixed frame."""
+    """Cosine and sine of the path's direction at its nearest point, in the fixed frame."""
     stretch: Array
-    """How many times longer the way beside the object is than the path: below 1 on the inner side of a curve."""
+    """Ratio of a way at the object's lateral distance to the way along the path: below 1 inside a curve."""
     turn: Array
-    """By how much the direction of the path changes per metre of the object's way, rad/m."""
+    """Change of the path's direction per metre of the object's way, rad/m."""
     covariance: Array
-    """``(4, 4, K, ...)`` of the state."""
+    """Covariance of the object's px, py, vx, vy, ``(4, 4, K, ...)``."""
     lengths: Array
-    """Half of the lengths of both: where the centres are so far apart along the path they touch, m."""
+    """Half the sum of both lengths: the distance of the centres along the path at which the bodies touch, m."""
     widths: Array
-    """Half of the widths of both, m."""
+    """Half the sum of both widths, m."""
 
     @property
     def gap(self) -> Array:
-        """From the front of the ego to the rear of an object ahead, m."""
+        """Distance from the ego's front to the rear of an object ahead, m."""
         return self.along - self.lengths
 
     def gradient(self, partials: Sequence[Array | float]) -> Array:
-        """``(4, K, ...)`` derivatives by the state, of a margin with these by along, across, speed and lateral
-        speed."""
+        """Return the derivatives by the state ``(4, K, ...)`` from those by along, across, speed and lateral speed."""
         along, across, speed, lateral = partials
         c, s = self.direction
         ahead = along / self.stretch + self.turn * (speed * self.lateral_speed - lateral * self.speed)
@@ -59,12 +58,12 @@ class OnPath(NamedTuple):
         return np.stack(rows)
 
     def variance(self, partials: Sequence[Array | float]) -> Array:
-        """``(K, ...)`` of a margin with these partial derivatives, to first order."""
+        """Return a margin's variance ``(K, ...)``, to first order, from the partial derivatives of :meth:`gradient`."""
         gradient = self.gradient(partials)
         return np.asarray(np.einsum("a...,ab...,b...->...", gradient, self.covariance, gradient))
 
     def probability_within(self, offset: Array | float = 0.0, after: float = 0.0) -> Array:
-        """``(K, ...)`` that an object overlaps in width a path ``offset`` m to the left, ``after`` so many seconds."""
+        """Return the probability ``(K, ...)`` of overlap in width in ``after`` s; the path moves ``offset`` m left."""
         across = self.across + after * self.lateral_speed - offset
         variance = self.variance((0.0, 1.0, 0.0, after))
         return probability_positive(self.widths - across, variance) - probability_positive(
@@ -73,11 +72,11 @@ class OnPath(NamedTuple):
 
 
 def on_path(ego: Ego, objects: Objects) -> OnPath:
-    """Objects along and across the path of the ego.
+    """Return the coordinates of objects along and across the ego's path.
 
-    The path begins in the direction in which the ego moves, with the curvature k = yaw rate / speed. Of an object at
-    (x, y) ahead and to the left of the ego: rho = |(k x, 1 - k y)|, across = (2 y - k (x^2 + y^2)) / (1 + rho), along =
-    atan2(k x, 1 - k y) / k. The objects are taken to be aligned with the path.
+    The path begins in the ego's direction of motion, with curvature k = yaw rate / speed. For an object at (x, y),
+    ahead and to the left of the ego: rho = |(k x, 1 - k y)|, across = (2 y - k (x^2 + y^2)) / (1 + rho) and along =
+    atan2(k x, 1 - k y) / k. Objects are assumed to be aligned with the path.
     """
     speed = ego.speed
     moves = speed > STANDING
@@ -105,14 +104,14 @@ def on_path(ego: Ego, objects: Objects) -> OnPath:
 
 
 def probability_positive(margin: Array, variance: Array) -> Array:
-    """``(...)`` that a normal variable with this mean and variance is above 0; without variance 1 or 0."""
+    """Return the probability ``(...)`` that a normal variable of mean ``margin`` is positive."""
     sigma = np.sqrt(np.maximum(variance, 0.0))
     certain = sigma == 0.0
     return np.where(certain, margin > 0, ndtr(margin / np.where(certain, 1.0, sigma)))
 
 
 def time_until(distance: Array, speed: Array) -> Array:
-    """``(...)`` s until a distance is covered: 0 where it is no longer there, ``LONGEST`` at most."""
+    """Return the time, s ``(...)``, to cover a distance: 0 for none, and at most ``LONGEST``."""
     moves = speed > 0
     time = np.where(moves, np.maximum(distance, 0.0) / np.where(moves, speed, 1.0), LONGEST)
     return np.minimum(time, LONGEST)

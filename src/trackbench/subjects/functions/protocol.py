@@ -1,4 +1,4 @@
-"""What a driver assistance function is, what it gets, and what it decides."""
+"""The interface of a driver assistance function: its input, its decision and its base class."""
 
 from __future__ import annotations
 
@@ -13,54 +13,54 @@ from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.metrics.ego import Ego
 
-#: In place of the column of an object: none was chosen.
+#: Column of the chosen object where none was chosen.
 NO_OBJECT = -1
-#: Size of an object of which nothing is known, m: length and width.
+#: Assumed length and width of an object of unknown size, m.
 NOMINAL_SIZE = (4.5, 1.8)
 
 
 class Objects(NamedTuple):
-    """K objects: tracks, or the truth with covariance 0. Values where one is not there are finite and mean nothing."""
+    """K objects: tracks, or true objects with covariance 0. Values of an absent object are finite and meaningless."""
 
     mean: Array
-    """``(4, K, ...)`` px, py, vx, vy in the fixed frame."""
+    """px, py, vx, vy in the fixed frame, ``(4, K, ...)``."""
     covariance: Array
-    """``(4, 4, K, ...)``"""
+    """Covariance of the mean, ``(4, 4, K, ...)``."""
     there: Mask
-    """``(K, ...)``"""
+    """Whether an object is present, ``(K, ...)``."""
     length: Array
-    """``(K, ...)`` m, as ``width``; axes may have length 1."""
+    """Length, m, ``(K, ...)``, like ``width``; axes may have length 1."""
     width: Array
 
 
 class Decision(NamedTuple):
-    """What a function decides, each ``(...)``."""
+    """Decision of a function, each field ``(...)``."""
 
     active: Mask
-    """Whether it warns or acts."""
+    """Whether the function warns or acts."""
     object: Indices
-    """Column of the object that it is about; -1 where there is none."""
+    """Column of the object that the decision is about; -1 where there is none."""
     quantity: Array
-    """What it has computed of that object; NaN where there is none."""
+    """Value of the function's quantity for that object; NaN where there is none."""
 
 
 class Quantity(NamedTuple):
-    """What a function computes of an object."""
+    """Quantity that a function computes for an object, such as the time to collision."""
 
     name: str
-    """Of the metric of its error, before ``_error``."""
+    """Name of the metric of its error, without the ending ``_error``."""
     unit: str
     meaning: str
 
 
 class Function(Config, ABC):
-    """A function. It is stateless: its fields are its options in a scenario, and each instant is decided by itself."""
+    """Base class of assistance functions, which are stateless; the fields are the function's options in a scenario."""
 
     quantity: ClassVar[Quantity]
     chooses_lead: ClassVar[bool] = False
-    """Whether it always has a lead that a wrong one is compared with."""
+    """Whether the function always chooses a lead, which is compared with the true lead."""
     brakes: ClassVar[bool] = False
-    """Whether its quantity is the deceleration that it commands while active."""
+    """Whether the function's quantity is the deceleration that it commands while active."""
 
     use: str = Field("", description="The function, or one of your own as `module:Class`.")
     probability: float = Field(
@@ -72,26 +72,26 @@ class Function(Config, ABC):
 
     @abstractmethod
     def decide(self, ego: Ego, objects: Objects) -> Decision:
-        """Decide for every ``(...)`` by itself.
+        """Decide at each instant of each run by itself.
 
         Args:
-            ego: the arrays ``(...)``; axes may have length 1.
-            objects: tracks or the truth.
+            ego: motion of the ego, arrays ``(...)``; axes may have length 1.
+            objects: tracks or true objects.
         """
 
 
 def decision(possible: Mask, probability: Array, least: float, order: Array, quantity: Array) -> Decision:
-    """The decision from what is known of each object.
+    """Return the decision on K objects.
 
-    Active where the condition holds of any object with more than the ``least`` probability. Its object is the first of
-    those by ``order``, or else the first of the possible ones.
+    The function is active where the condition holds for any object with more than the ``least`` probability. The
+    decision is about the first of these objects by ``order``; without any, about the first possible object.
 
     Args:
-        possible: ``(K, ...)`` objects that are looked at while the condition holds of none.
-        probability: ``(K, ...)`` that the condition holds.
-        least: below which it does not count.
-        order: ``(K, ...)`` the smallest is first.
-        quantity: ``(K, ...)``
+        possible: objects that the decision may be about while inactive, ``(K, ...)``.
+        probability: probability that the condition holds, ``(K, ...)``.
+        least: probability that must be exceeded.
+        order: sort key of the objects, smallest first, ``(K, ...)``.
+        quantity: value of the function's quantity, ``(K, ...)``.
     """
     if not len(possible):
         shape = possible.shape[1:]
@@ -100,10 +100,10 @@ def decision(possible: Mask, probability: Array, least: float, order: Array, qua
     active = np.asarray(holds.any(axis=0))
     eligible = np.where(active, holds, possible)
     first = np.argmin(np.where(eligible, order, np.inf), axis=0)
-    some = eligible.any(axis=0)
+    has_object = eligible.any(axis=0)
     chosen = np.take_along_axis(np.broadcast_to(quantity, possible.shape), first[None], axis=0)[0]
-    return Decision(active, np.where(some, first, NO_OBJECT), np.where(some, chosen, np.nan))
+    return Decision(active, np.where(has_object, first, NO_OBJECT), np.where(has_object, chosen, np.nan))
 
 
-#: The functions that a scenario can name.
+#: Functions that a scenario can name.
 FUNCTIONS: Registry[type[Function]] = Registry("trackbench.functions", "function", lacks_class(Function))

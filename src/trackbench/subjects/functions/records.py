@@ -1,4 +1,4 @@
-"""The records of the tables of functions: what they decide in the recorded run, and their events in all runs."""
+"""The tables of functions: their decisions in the recorded run, and their events in all runs."""
 
 from __future__ import annotations
 
@@ -25,20 +25,14 @@ from trackbench.subjects.functions.sums import (
     while_driving,
 )
 
-#: Events of each tracker, function and outcome that are kept beside those of the recorded run.
+#: Largest number of events of each tracker, function and outcome, in addition to the recorded run's.
 MOST_EVENTS = 100
 
 
 def function_records(
     work: Work, evaluated: Evaluated, recorded: Mapping[str, RecordedEstimates | RecordedTracks]
 ) -> Iterator[tuple[str, list[Record]]]:
-    """Yield both tables with their records; none where there is no function.
-
-    Args:
-        work: of the run.
-        evaluated: its trackers.
-        recorded: by tracker, what it left of the recorded run.
-    """
+    """Yield the name and the records of both tables; nothing without functions."""
     functions = functions_among(work.metrics)
     if not functions:
         return
@@ -63,7 +57,7 @@ def function_records(
 
 
 def _decisions(function: Function, work: Work, recorded: RecordedEstimates | RecordedTracks) -> Decisions:
-    """Return what a function decides in the recorded run on a tracker's estimates or tracks."""
+    """Return the decisions of a function in the recorded run, on a tracker's estimates or tracks."""
     if not isinstance(recorded, RecordedEstimates):
         assert recorded.tracked is not None
         return decisions_of_run(function, recorded.tracked)
@@ -93,19 +87,19 @@ def _decisions_record(tracker: str, label: str, decisions: Decisions, time: Arra
 
 
 def _events_record(tracker: str, label: str, scores: FunctionScores, work: Work) -> Record:
-    """All events of the recorded run, and of those of the others that have one outcome the worst."""
+    """Return the events of the recorded run, and the worst events of each outcome in all runs."""
     events, false, nothing = scores.events, scores.false, np.full(len(scores.false.run), np.nan)
     run, start, stop, column = (np.concatenate(parts) for parts in zip(events, false, strict=True))
     delay = np.concatenate([scores.delay, nothing])
     outcome = np.concatenate([np.where(scores.missing, "missed", "answered"), np.full(len(nothing), "false")])
-    # What is false is the worse the longer it lasts.
+    # A false activity is worse the longer it lasts.
     size = np.where(np.isnan(delay), stop - start, np.abs(delay))
-    kept = run == work.number(work.recorded_scene, work.recorded_run)
+    is_kept = run == work.number(work.recorded_scene, work.recorded_run)
     for word in ("answered", "missed", "false"):
-        own = np.flatnonzero(outcome == word)
-        kept[own[np.argsort(-size[own], kind="stable")[:MOST_EVENTS]]] = True
-    rows = np.flatnonzero(kept)[np.lexsort((start[kept], run[kept]))]
-    scenes = [work.scenes[work.scene_of_run[each] // max(work.stretches, 1)] for each in run[rows]]
+        group = np.flatnonzero(outcome == word)
+        is_kept[group[np.argsort(-size[group], kind="stable")[:MOST_EVENTS]]] = True
+    rows = np.flatnonzero(is_kept)[np.lexsort((start[is_kept], run[is_kept]))]
+    scenes = [work.scenes[work.scene_of_run[number] // max(work.stretches, 1)] for number in run[rows]]
     return {
         "tracker": tracker,
         "function": label,
@@ -119,5 +113,4 @@ def _events_record(tracker: str, label: str, scores: FunctionScores, work: Work)
 
 
 def _names(columns: Indices, ids: Sequence[Sequence[str]]) -> list[str]:
-    """The objects of these columns of scenes that have these."""
-    return [NO_OBJECT if column == NO_COLUMN else own[column] for column, own in zip(columns, ids, strict=True)]
+    return [NO_OBJECT if column == NO_COLUMN else names[column] for column, names in zip(columns, ids, strict=True)]

@@ -1,4 +1,4 @@
-"""What functions decide on the tracks, against what they decide on the truth: numbers, and a strip over time."""
+"""The section on functions: their decisions on the tracks against those on the truth, as numbers and over time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from trackbench.report.tables import (
 from trackbench.results import MetricValue, Result, TrackerResult
 from trackbench.results.columns import split
 
-#: The worst events of each function that are listed.
+#: Number of worst events of each function that are listed.
 LISTED = 5
 _MEANING = (
     "Each function decides on the truth and on each tracker's tracks at every instant. An event is a time in which it "
@@ -38,14 +38,14 @@ _MEANING = (
     "more than 0.5 s from every event, or is over before it, per hour of the drive. The figure is of the recorded run, "
     "the numbers are of all."
 )
-#: Of each function: what the metric's name begins with, its heading, and by how much it is larger than the metric.
+#: Columns of each function: first part of the metric's name, heading, and factor from the metric to the column.
 _COLUMNS = (
     ("warn_delay", "delay, s", 1.0),
     ("warn_error", "RMS delay, s", 1.0),
     ("missed_warnings", "missed, %", 100.0),
     ("false_warnings", "false, 1/h", 1.0),
 )
-#: What a delay has beside its mean.
+#: Columns of a delay beside its mean.
 _OF_DELAY = {
     "early": Column("early, s", "mean of the delays below 0"),
     "late": Column("late, s", "mean of the delays above 0"),
@@ -56,7 +56,7 @@ _OF_DELAY = {
 
 
 def functions_section(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
-    """The strip, the numbers and the worst events of each function; nothing where there is none."""
+    """Yield the section with each function's decisions, numbers and worst events; nothing without functions."""
     labels = function_labels(path for tracker in result.scored for path in tracker.metrics)
     if labels:
         parts = (_one_function(result, label, shown) for label in labels)
@@ -70,14 +70,13 @@ def _one_function(result: Result, label: str, shown: Sequence[TrackerStyle]) -> 
     strip = strip_of_decisions(decisions, [event for event in events if event.run == run], label, shown, run)
     worst = _worst(events[:LISTED], label) if events else None
     beside = tuple(block for block in (strip, worst) if block is not None)
-    return Section(label, (*([Row(beside)] if beside else []), _numbers(result, label)))
+    return Section(label, (*([Row(beside)] if beside else []), _metrics_table(result, label)))
 
 
-def _numbers(result: Result, label: str) -> Table:
-    """What the metrics of a function say of every tracker."""
+def _metrics_table(result: Result, label: str) -> Table:
     trackers = result.scored
     metrics = {item.name: item for item in result.summary.score.metrics}
-    own = [path for path in metrics if path.rpartition(".")[2] == label and path in trackers[0].metrics]
+    paths = [path for path in metrics if path.rpartition(".")[2] == label and path in trackers[0].metrics]
     columns_of = {f"{stem}.{label}": (heading, scale) for stem, heading, scale in _COLUMNS}
 
     def cells(path: str) -> TableColumn:
@@ -88,12 +87,12 @@ def _numbers(result: Result, label: str) -> Table:
         return Column(heading, metric.meaning, details=INTERVAL), metric_cells(trackers, path, scale=scale)
 
     delays = [(column, _details(trackers, f"warn_delay.{label}", name)) for name, column in _OF_DELAY.items()]
-    mean, *others = map(cells, own)
+    mean, *others = map(cells, paths)
     return tracker_table(f"{label}-decisions", trackers, [mean, *delays, *others])
 
 
 def function_tables(result: Result) -> Iterator[Table]:
-    """For a terminal: what all functions have, a row for each function and tracker; what single ones have."""
+    """Yield tables for the terminal: metrics that all functions have, then metrics of single functions."""
     labels = function_labels(path for tracker in result.scored for path in tracker.metrics)
     if not labels:
         return
@@ -128,14 +127,14 @@ def shown_metrics(result: Result) -> Iterator[str]:
 
 
 def smallest_delays(result: Result) -> Iterator[str]:
-    """Yield who decides closest to the truth, of the functions of which something is expected."""
+    """Yield a clause on the trackers with the smallest delay, for the functions that have an expectation."""
     expected = {item.metric.rpartition(".")[2] for item in result.summary.expectations}
     closest: dict[tuple[str, str], list[str]] = {}
     for label in function_labels(path for tracker in result.scored for path in tracker.metrics):
         contenders = [(tracker.name, metric_of(tracker, f"warn_error.{label}").value) for tracker in result.contenders]
         errors = {name: value for name, value in contenders if value is not None}
         if label in expected and errors:
-            names, values = zip(*_not_later(result, f"warn_error.{label}", errors), strict=True)
+            names, values = zip(*_not_shown_worse(result, f"warn_error.{label}", errors), strict=True)
             of = "all trackers" if len(names) == len(contenders) > 1 else some_names(names)
             ends = dict.fromkeys(rounded(end, decimals(values[:1], 2)) for end in (values[0], values[-1]))
             unlike = ", not shown to differ" if values[0] < values[-1] else ""
@@ -145,8 +144,8 @@ def smallest_delays(result: Result) -> Iterator[str]:
         yield f"smallest RMS delay: {', '.join(texts)}"
 
 
-def _not_later(result: Result, path: str, errors: Mapping[str, float]) -> list[tuple[str, float]]:
-    """Return the tracker with the smallest error, and those of which a larger one is not shown, by their errors."""
+def _not_shown_worse(result: Result, path: str, errors: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return the tracker with the smallest error and the trackers not shown to differ, with their errors, ascending."""
     first, *others = sorted(errors, key=lambda name: errors[name])
     pairs = Pairs(result, path)
     return [(name, errors[name]) for name in (first, *others) if name == first or not pairs.differ(first, name)]
@@ -181,26 +180,23 @@ def _worst(events: Sequence[FunctionEvent], label: str) -> Table:
     return text_table(f"{label}-events", events, columns, "The worst events of all runs")
 
 
-#: Points of a row, and of what is around the rows.
+#: Height of a row, and of the room around the rows, in points.
 _ROW, _AROUND = 20.0, 44.0
-#: Half the height of a bar, and of what is late or missed.
+#: Half the height of a bar, and of a mark for late or missed, in rows.
 _BAR, _LATE = 0.34, 0.12
 
 
 def strip_of_decisions(
     decisions: pa.Table, events: Sequence[FunctionEvent], function: str, styles: Sequence[TrackerStyle], run: int
 ) -> Figure | None:
-    """A row for the truth and one for each tracker; None where the recorded run has nothing to draw.
+    """Return a figure of a function's activity over time, on the truth and on each tracker's tracks; None without any.
 
-    Args:
-        decisions: of the recorded run.
-        events: of the function in the recorded run, of every tracker.
-        function: its name.
-        styles: of the trackers, best first.
-        run: number of the recorded run.
+    ``events`` are the function's events in the recorded run; ``styles`` are ordered with the best tracker first.
     """
     rows = {
-        tracker: own for (tracker, name), own in split(decisions, "tracker", "function").items() if name == function
+        tracker: columns
+        for (tracker, name), columns in split(decisions, "tracker", "function").items()
+        if name == function
     }
     shown = [style for style in styles if style.name in rows]
     if not any(rows[style.name][name].any() for style in shown for name in ("active", "true_active")):
@@ -231,7 +227,7 @@ def strip_of_decisions(
         f"Decisions of {function}",
         f"Run {run}. A bar is a time in which it is active. Below the truth, on the tracks of each tracker: a thin bar "
         "is the time by which it is late, a cross a missed event, a triangle activity without an event.",
-        f"Active on the truth {_in_words(truth)}.{impact} {_said(shown, events)}",
+        f"Active on the truth {_in_words(truth)}.{impact} {_mistakes(shown, events)}",
         paint,
         _ROW * (len(shown) + 1) + _AROUND,
         legend=(
@@ -245,7 +241,7 @@ def strip_of_decisions(
 
 
 def active_spans(time: Array, active: Array) -> list[tuple[float, float]]:
-    """The first and the last instant (s) of each activity; up to the next one where it is a single one."""
+    """Return the first instant of each activity, and the first instant after it or the last of all, s."""
     change = np.diff(np.concatenate([[0.0], active, [0.0]]))
     ends = np.append(time, time[-1])
     return list(zip(time[np.flatnonzero(change > 0)].tolist(), ends[np.flatnonzero(change < 0)].tolist(), strict=True))
@@ -268,10 +264,9 @@ def _in_words(spans: Sequence[tuple[float, float]]) -> str:
     return joined_names([f"from {rounded(start, 2)} s to {rounded(stop, 2)} s" for start, stop in spans])
 
 
-def _said(shown: Sequence[TrackerStyle], events: Sequence[FunctionEvent]) -> str:
-    """What was wrong of each tracker."""
+def _mistakes(shown: Sequence[TrackerStyle], events: Sequence[FunctionEvent]) -> str:
     sentences = []
     for style in shown:
-        own = [f"{event.word} by {rounded(event.wrong_s, 2)} s" for event in events if event.tracker == style.name]
-        sentences.append(f"{style.name}: {', '.join(own) or 'nothing wrong'}.")
+        texts = [f"{event.word} by {rounded(event.wrong_s, 2)} s" for event in events if event.tracker == style.name]
+        sentences.append(f"{style.name}: {', '.join(texts) or 'nothing wrong'}.")
     return " ".join(sentences)

@@ -1,4 +1,7 @@
-"""A function's decisions on tracks and on the truth: which activity answers which, and what is kept of them."""
+"""The sums of a function's decisions: which activity on the tracks answers which event on the truth.
+
+An event is an interval in which the function is active on the truth.
+"""
 
 from __future__ import annotations
 
@@ -16,32 +19,31 @@ from trackbench.subjects.functions.protocol import NO_OBJECT, NOMINAL_SIZE, Deci
 if TYPE_CHECKING:
     from trackbench.metrics.traffic import TrackedRun
 
-#: Shorter gaps in an activity do not end it, s; and what is so near to an event answers it.
+#: Shortest gap that ends an activity, s, and largest distance of an answer from its event, s.
 TOLERANCE = 0.5
-#: Of a delay, s.
+#: Decimals to which a delay is rounded, s.
 DECIMALS = 9
 
 
 class Spans(NamedTuple):
-    """Intervals ``(N,)`` in which a function is active, in the order of runs and time."""
+    """Intervals ``(N,)`` in which a function is active, sorted by run and time."""
 
     run: Indices
     start: Indices
-    """The first instant."""
+    """Number of the first instant of the interval."""
     stop: Indices
-    """The first one after it; the number of instants where it lasts to the end."""
+    """Number of the first instant after the interval; the number of instants where it lasts to the end."""
 
 
 def spans(active: Mask, time: Array) -> Spans:
-    """The intervals of activity ``(instants, runs)`` at times ``(instants,)`` s; those less than ``TOLERANCE`` apart
-    are one."""
+    """Return the intervals of activity ``(instants, runs)`` at times ``(instants,)``, s; short gaps are bridged."""
     padded = np.zeros((active.shape[1], len(active) + 2), dtype=np.int8)
     padded[:, 1:-1] = active.T
     change = np.diff(padded, axis=1)
     (run, start), (_, stop) = np.nonzero(change > 0), np.nonzero(change < 0)
     if not len(run):
         return Spans(run, start, stop)
-    # The next one begins before the end where it is of the same run.
+    # The minimum only matters at the end of a run, which the comparison of runs decides.
     pause = time[start[1:]] - time[np.minimum(stop[:-1], len(time) - 1)]
     apart = (run[1:] != run[:-1]) | (pause >= TOLERANCE - SAME_TIME)
     first, last = np.append(True, apart), np.append(apart, True)
@@ -49,55 +51,55 @@ def spans(active: Mask, time: Array) -> Spans:
 
 
 class Answers(NamedTuple):
-    """What became of the events ``(events,)`` of the truth and of the intervals ``(N,)`` of a tracker."""
+    """Outcome of the events ``(events,)`` on the truth and the intervals ``(N,)`` on a tracker's tracks."""
 
     delay: Array
-    """From the start of an event to that of the interval that answers it, s; below 0 where it is early, and at least
-    ``-TOLERANCE``. Of a missing answer it is later than of any."""
+    """Time from the start of an event to the start of its answer, s; negative if early, at least ``-TOLERANCE``."""
     missing: Mask
+    """Events without an answer, ``(events,)``."""
     false: Mask
-    """``(N,)`` the intervals that answer no event, or that begin too early."""
+    """Intervals that answer no event or begin too early, ``(N,)``."""
 
 
-def match_events(events: Spans, own: Spans, time: Array, impact: Array) -> Answers:
-    """Match the intervals of a tracker with the events.
+def match_events(events: Spans, answers: Spans, time: Array, impact: Array) -> Answers:
+    """Match the intervals on a tracker's tracks with the events.
 
-    An interval answers an event where it is active in it, or begins up to ``TOLERANCE`` after its end; of several the
-    first counts. One that has gone on since the event before begins, for the next one, at that event's end. An interval
-    is false where it begins near no event, even if it goes on into one, or is over before the one that it is near.
+    An interval answers an event if it is active during the event, or begins up to ``TOLERANCE`` after its end; the
+    first such interval counts. An interval that lasts since the previous event begins, for the next event, at the end
+    of the previous one. An interval is false if it begins near no event, or ends before the event that it is near.
 
     Args:
-        events: of the truth.
-        own: intervals of the tracker.
-        time: ``(instants,)`` s.
-        impact: ``(runs,)`` s when it ends everything; infinite where there is none. A missing answer counts as given
-            then, or ``TOLERANCE`` after the end of the event.
+        events: intervals on the truth.
+        answers: intervals on the tracks.
+        time: times of the instants ``(instants,)``, s.
+        impact: time of the impact in each run ``(runs,)``, s; infinite without one. A missing answer counts as given
+            at the impact, or ``TOLERANCE`` after the end of the event, whichever is earlier.
     """
     reach = TOLERANCE + SAME_TIME
     ends = np.append(time, time[-1])
-    # The runs follow each other, so far apart that nothing of two of them is near.
+    # All runs share one time axis, shifted so far that intervals of two runs are never near.
     apart = time[-1] - time[0] + 4 * reach
     begin, end = (ends[at] + events.run * apart for at in (events.start, events.stop))
-    own_begin = ends[own.start] + own.run * apart
-    # The same in instants: an interval may last to the end.
-    first, own_stop = (at + each.run * len(ends) for at, each in ((events.start, events), (own.stop, own)))
-    candidate = np.searchsorted(own_stop, first, side="right")
-    begins = np.append(own_begin, np.inf)[candidate]
+    answer_begin = ends[answers.start] + answers.run * apart
+    # The axis in instants, since an interval may last to the end.
+    first, answer_stop = (at + item.run * len(ends) for at, item in ((events.start, events), (answers.stop, answers)))
+    candidate = np.searchsorted(answer_stop, first, side="right")
+    begins = np.append(answer_begin, np.inf)[candidate]
     missing = begins > end + reach
-    # Of times of one run, so that rounding is no delay.
-    answered = np.append(ends[own.start], 0.0)[candidate]
+    # Unshifted times, so that rounding makes no delay.
+    answered = np.append(ends[answers.start], 0.0)[candidate]
     going_on = np.append(False, (events.run[1:] == events.run[:-1]) & (begins[1:] < end[:-1]))
     answered = np.where(going_on, np.append(0.0, ends[events.stop[:-1]]), answered)
     latest = np.minimum(ends[events.stop] + TOLERANCE, impact[events.run])
-    # Times are sums of periods: so many scans are the same delay wherever they are.
+    # Rounded, since times are sums of periods: a number of scans is the same delay everywhere.
     delay = np.round(np.where(missing, latest, answered) - ends[events.start], DECIMALS)
     delay = np.maximum(delay, -TOLERANCE)
-    near = np.searchsorted(end, own_begin - reach)
-    early, over = np.append(begin, np.inf)[near] > own_begin + reach, np.append(first, 0)[near] >= own_stop
+    near = np.searchsorted(end, answer_begin - reach)
+    early, over = np.append(begin, np.inf)[near] > answer_begin + reach, np.append(first, 0)[near] >= answer_stop
     return Answers(delay, missing, early | over)
 
 
-#: Rows of the sums of each run.
+#: Names of the rows of the sums of each run.
 ROWS = (
     "events",
     "delay",
@@ -115,67 +117,67 @@ ROWS = (
 
 
 class Times(NamedTuple):
-    """When a function is active, each ``(N,)``."""
+    """Intervals in which a function is active, with times and objects, each ``(N,)``."""
 
     run: Indices
     start: Array
-    """s, as ``stop``."""
+    """First time of the interval, s; ``stop`` is its last."""
     stop: Array
     object: Indices
-    """Column of the object of the truth at the start; -1 where there is none."""
+    """Column of the true object at the start; -1 where there is none."""
 
     @classmethod
     def of(cls, spans: Spans, time: Array, object: Indices) -> Times:
-        """Of spans at times ``(instants,)`` s, with the objects ``(instants, runs)``."""
+        """Return the times of spans, from the times ``(instants,)``, s, and the objects ``(instants, runs)``."""
         ends = np.append(time, time[-1])
         return cls(spans.run, ends[spans.start], ends[spans.stop], object[spans.start, spans.run])
 
     @classmethod
     def joined(cls, blocks: Sequence[Times], runs: Sequence[int]) -> Times:
-        """Of blocks of so many runs, with the runs of all numbered."""
+        """Join blocks with ``runs`` runs each, and number the runs of all blocks."""
         firsts = np.cumsum([0, *runs[:-1]])
         numbered = [block._replace(run=block.run + first) for block, first in zip(blocks, firsts, strict=True)]
         return cls(*map(np.concatenate, zip(*numbered, strict=True)))
 
 
 class FunctionScores(NamedTuple):
-    """The sums of some runs, and every event."""
+    """Sums of some runs, and all events."""
 
     sums: Array
-    """``(rows, runs)`` as ``ROWS``."""
+    """Sums with the rows ``ROWS``, ``(rows, runs)``."""
     delay: Array
-    """``(events,)`` s, in the order of runs."""
+    """Delay of each event, s, ``(events,)``, in the order of runs."""
     missing: Mask
-    """``(events,)``"""
+    """Events without an answer, ``(events,)``."""
     events: Times
-    """On the truth."""
+    """Activity on the truth."""
     false: Times
-    """On the tracks, without an event."""
+    """Activity on the tracks that answers no event."""
 
     def of(self, row: str) -> Array:
-        """``(runs,)``"""
+        """Return one row of the sums, ``(runs,)``."""
         return np.asarray(self.sums[ROWS.index(row)])
 
 
 class Decisions(NamedTuple):
-    """What a function decides at some instants on the truth and on tracks, each ``(instants, runs)``."""
+    """Decisions of a function at some instants, on the truth and on tracks, each ``(instants, runs)``."""
 
     truth: Decision
     tracks: Decision
-    """With the object of the truth in the place of the chosen track's column; -1 where that is on none."""
+    """Decisions on the tracks; ``object`` is the true object of the chosen track, -1 for a false track."""
     chose: Mask
-    """Whether it chose a track."""
+    """Whether the function chose a track."""
     overlap: Mask
-    """Whether an object of the truth overlaps the ego."""
+    """Whether a true object overlaps the ego."""
 
     @property
     def driving(self) -> Mask:
-        """``(instants, runs)`` before the first overlap."""
+        """Instants before the first overlap, ``(instants, runs)``."""
         return ~np.logical_or.accumulate(self.overlap, axis=0)
 
 
 class FunctionSums:
-    """The accumulator of one function, whose sums its metrics share; with known and with hidden identities.
+    """Accumulator of one function, shared by its metrics, for known and for hidden identities.
 
     Decisions count over the whole drive, from the first instant: a track that starts late warns late.
     """
@@ -185,7 +187,7 @@ class FunctionSums:
         self.function = function
 
     def init(self, scope: Scope) -> list[Any]:
-        """The bodies and times of a block with known identities; then what was decided."""
+        """Return a list for decisions; with known identities it begins with the scope, which has bodies and times."""
         return [scope] if scope.target is not None else []
 
     def update(self, sums: list[Any], chunk: Chunk | TrackedRun) -> list[Any]:
@@ -199,8 +201,8 @@ class FunctionSums:
         if not isinstance(sums[0], Scope):
             return self.merge(sums)
         scope, *chunks = sums
-        whole = _joined(chunks, scope.runs)
-        return score_decisions(whole, scope.labelled.time[: len(whole.overlap)], self.function)
+        joined = _join(chunks, scope.runs)
+        return score_decisions(joined, scope.labelled.time[: len(joined.overlap)], self.function)
 
     def merge(self, blocks: Sequence[FunctionScores]) -> FunctionScores:
         sums, delay, missing, events, false = zip(*blocks, strict=True)
@@ -215,7 +217,7 @@ class FunctionSums:
 
 
 def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisions:
-    """With known identities: the column of a track is that of its object."""
+    """Return the decisions with known identities, where a track has the column of its object."""
     bodies = scope.bodies
     assert bodies is not None
     alive = scope.labelled.alive[chunk.instants].T[..., None]
@@ -230,51 +232,50 @@ def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisi
 def decisions_of_estimates(
     function: Function, bodies: EgoScene, truth: Array, alive: Mask, mean: Array, covariance: Array, estimated: Mask
 ) -> Decisions:
-    """With known identities, of estimates of every object.
+    """Return the decisions with known identities, from the estimates of all objects.
 
     Args:
         function: the function.
-        bodies: at the instants.
-        truth: ``(4, objects, instants, runs or 1)`` px, py, vx, vy.
-        alive: ``(objects, instants, 1)`` where an object is there.
-        mean: ``(4, objects, instants, runs)`` of the estimates.
-        covariance: ``(4, 4, objects, instants, runs)``.
-        estimated: ``(objects, instants, runs)`` where there is an estimate.
+        bodies: ego and sizes of the objects at the instants.
+        truth: true px, py, vx, vy, ``(4, objects, instants, runs or 1)``.
+        alive: whether an object is present, ``(objects, instants, 1)``.
+        mean: estimates, ``(4, objects, instants, runs)``.
+        covariance: covariances of the estimates, ``(4, 4, objects, instants, runs)``.
+        estimated: whether there is an estimate, ``(objects, instants, runs)``.
     """
     length, width = bodies.length[:, None, None], bodies.width[:, None, None]
-    objects, overlap = _truth(truth, alive, bodies)
+    objects, overlap = _true_objects(truth, alive, bodies)
     there = estimated & alive
     tracks = Objects(np.where(there, mean, 0.0), np.where(there, covariance, 0.0), there, length, width)
     ego = bodies.ego.each((slice(None), None))
-    decided = function.decide(ego, tracks)
-    return Decisions(function.decide(ego, objects), decided, decided.object != NO_OBJECT, overlap)
+    on_tracks = function.decide(ego, tracks)
+    return Decisions(function.decide(ego, objects), on_tracks, on_tracks.object != NO_OBJECT, overlap)
 
 
 def decisions_of_run(function: Function, run: TrackedRun) -> Decisions:
-    """With hidden identities: a track has the size of the object that it is on, or the nominal one."""
+    """Return the decisions with hidden identities; a track has its object's size, a false track the nominal one."""
     truth, tracks, bodies = run.truth, run.tracks, run.bodies
     assert bodies is not None
-    objects, overlap = _truth(truth.state.transpose(0, 2, 1)[..., None], (truth.status > 0).T[..., None], bodies)
-    on = run.scores.object_of(tracks.ids.shape)
+    objects, overlap = _true_objects(truth.state.transpose(0, 2, 1)[..., None], (truth.status > 0).T[..., None], bodies)
+    object_of_track = run.scores.object_of(tracks.ids.shape)
     length, width = (
-        np.where(on == NO_OBJECT, nominal, np.append(sizes, 0.0)[on]).T[..., None]
+        np.where(object_of_track == NO_OBJECT, nominal, np.append(sizes, 0.0)[object_of_track]).T[..., None]
         for sizes, nominal in zip((bodies.length, bodies.width), NOMINAL_SIZE, strict=True)
     )
     there = (tracks.ids >= 0).T[..., None]
     mean, covariance = np.swapaxes(tracks.mean, -1, -2)[..., None], np.swapaxes(tracks.covariance, -1, -2)[..., None]
-    own = Objects(np.where(there, mean, 0.0), np.where(there, covariance, 0.0), there, length, width)
+    reported = Objects(np.where(there, mean, 0.0), np.where(there, covariance, 0.0), there, length, width)
     ego = bodies.ego.each((slice(None), None))
-    decided = function.decide(ego, own)
-    chose = decided.object != NO_OBJECT
-    column = np.where(chose, decided.object, 0)
-    chosen = np.take_along_axis(on, column, axis=1) if on.shape[1] else column
-    decided = decided._replace(object=np.where(chose, chosen, NO_OBJECT))
-    return Decisions(function.decide(ego, objects), decided, chose, overlap)
+    on_tracks = function.decide(ego, reported)
+    chose = on_tracks.object != NO_OBJECT
+    column = np.where(chose, on_tracks.object, 0)
+    chosen = np.take_along_axis(object_of_track, column, axis=1) if object_of_track.shape[1] else column
+    on_tracks = on_tracks._replace(object=np.where(chose, chosen, NO_OBJECT))
+    return Decisions(function.decide(ego, objects), on_tracks, chose, overlap)
 
 
-def _truth(state: Array, there: Mask, bodies: EgoScene) -> tuple[Objects, Mask]:
-    """The objects of the truth ``(4, objects, instants, runs or 1)`` and where one overlaps the ego ``(instants,
-    runs or 1)``."""
+def _true_objects(state: Array, there: Mask, bodies: EgoScene) -> tuple[Objects, Mask]:
+    """Return the true objects, and where one overlaps the ego ``(instants, runs or 1)``."""
     length, width = bodies.length[:, None, None], bodies.width[:, None, None]
     objects = Objects(state, np.zeros((4, *state.shape)), there, length, width)
     place = on_path(bodies.ego.each((slice(None), None)), objects)
@@ -282,31 +283,31 @@ def _truth(state: Array, there: Mask, bodies: EgoScene) -> tuple[Objects, Mask]:
     return objects, np.asarray(touches.any(axis=0))
 
 
-def _joined(chunks: Sequence[Decisions], runs: int) -> Decisions:
-    """Successive instants together, each ``(instants, runs)``."""
+def _join(chunks: Sequence[Decisions], runs: int) -> Decisions:
+    """Join decisions of successive instants, each ``(instants, runs)``."""
 
-    def every(parts: Sequence[Any]) -> Any:
+    def concatenate(parts: Sequence[Any]) -> Any:
         return np.concatenate([np.broadcast_to(part, (len(part), runs)) for part in parts])
 
     truth, tracks, chose, overlap = zip(*chunks, strict=True)
-    truth, tracks = (Decision(*map(every, zip(*parts, strict=True))) for parts in (truth, tracks))
-    return Decisions(truth, tracks, every(chose), every(overlap))
+    truth, tracks = (Decision(*map(concatenate, zip(*parts, strict=True))) for parts in (truth, tracks))
+    return Decisions(truth, tracks, concatenate(chose), concatenate(overlap))
 
 
 def score_decisions(decisions: Decisions, time: Array, function: Function) -> FunctionScores:
-    """The sums of each run from all its decisions, at times ``(instants,)`` s.
+    """Return the sums of each run from all its decisions, at times ``(instants,)``, s.
 
-    A drive ends at the first impact, where an object of the truth overlaps the ego: nothing counts from there on. So a
-    warning that is still missing then is late by the time to the impact.
+    A drive ends at the first impact, where a true object overlaps the ego: nothing counts afterwards. A warning that is
+    still missing then is late by the time to the impact.
     """
     driving = decisions.driving
     truth, tracks = (while_driving(item, driving) for item in (decisions.truth, decisions.tracks))
     chose = decisions.chose & driving
     runs = driving.shape[1]
     last = np.minimum(driving.sum(axis=0), len(time) - 1)
-    events, own = spans(truth.active, time), spans(tracks.active, time)
+    events, answers = spans(truth.active, time), spans(tracks.active, time)
     impact = np.where(driving.all(axis=0), np.inf, time[last])
-    result = match_events(events, own, time, impact)
+    result = match_events(events, answers, time, impact)
 
     def by_run(run: Indices, values: Array | None = None) -> Array:
         return np.bincount(run, values, runs).astype(float)
@@ -323,7 +324,7 @@ def score_decisions(decisions: Decisions, time: Array, function: Function) -> Fu
         "delay": by_run(events.run, result.delay),
         "squared_delay": by_run(events.run, result.delay**2),
         "missing": by_run(events.run, result.missing.astype(float)),
-        "false": by_run(own.run[result.false]),
+        "false": by_run(answers.run[result.false]),
         "hours": (time[last] - time[0]) / 3600,
         "squared_error": np.nansum(error**2, axis=0),
         "errors": np.isfinite(error).sum(axis=0),
@@ -332,24 +333,24 @@ def score_decisions(decisions: Decisions, time: Array, function: Function) -> Fu
         "squared_braking": ((commanded - required) ** 2).sum(axis=0, where=acts) if function.brakes else nothing,
         "braking": acts.sum(axis=0) if function.brakes else nothing,
     }
-    own = Spans(*(part[result.false] for part in own))
+    false = Spans(*(part[result.false] for part in answers))
     return FunctionScores(
         np.stack([sums[name] for name in ROWS]).astype(float),
         result.delay,
         result.missing,
         Times.of(events, time, truth.object),
-        Times.of(own, time, tracks.object),
+        Times.of(false, time, tracks.object),
     )
 
 
 def while_driving(decision: Decision, driving: Mask) -> Decision:
-    """Of ``(instants, runs)``, with nothing decided where it is not driven."""
+    """Return a decision ``(instants, runs)`` without activity and object where the drive has ended."""
     active, chosen, quantity = decision
     return Decision(active & driving, np.where(driving, chosen, NO_OBJECT), np.where(driving, quantity, np.nan))
 
 
 def _first_moments(run: Indices, start: Indices, stop: Indices, time: Array, runs: int) -> Mask:
-    """``(instants, runs)`` the first ``TOLERANCE`` of each event."""
+    """Return a mask ``(instants, runs)`` of the first ``TOLERANCE`` seconds of each event."""
     until = np.minimum(np.searchsorted(time, time[start] + TOLERANCE), stop)
     change = np.zeros((len(time) + 1, runs), dtype=int)
     np.add.at(change, (start, run), 1)
