@@ -1,4 +1,7 @@
-"""Tracks that other programs wrote, scored against boxes of a file, without a scenario."""
+"""Scores of tracks that other programs wrote, against the boxes of a file, without a scenario.
+
+Files of tracks and of true boxes come in; a ``Result`` with gates goes out. Read ``scenario.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

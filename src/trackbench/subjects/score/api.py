@@ -1,4 +1,4 @@
-"""Tracks scored from Python."""
+"""The call ``trackbench.score``."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def score(
     """Score tracks that other programs wrote against the boxes of a file.
 
     Args:
-        tracks: a file, or several, each of which is a tracker by its name. With several files of boxes: one file of
+        tracks: one file for each tracker, which is named after the file. With several files of boxes: one file of
             tracks for each, or a folder of them; several folders are several trackers.
-        truth: the file of boxes, of the same clock; or the files of several sequences, or a folder of them. Files of
-            boxes and tracks belong together by their names.
-        columns: the column of some keys, where its name does not tell: ``{"x": "pos_x", "time": "stamp:ns"}``.
-        format: of the files; by the ending of each unless given.
-        truth_format: of the file of boxes, where it is not that of the tracks.
+        truth: file of boxes, by the same clock as the tracks; or the files, or the folder, of several sequences. Files
+            of boxes and tracks are paired by name.
+        columns: columns of keys whose column has no usual name: ``{"x": "pos_x", "time": "stamp:ns"}``.
+        format: format of all files; None for a format by each file's ending.
+        truth_format: format of the boxes, if it differs from the format of the tracks.
         rate_hz: frames per second of files that count frames, Hz.
-        time_offset_s: added to the time stamps of the tracks, s.
-        out: a folder in which the result gets one, beside the scenario that it is. Nothing is written unless given.
+        time_offset_s: time that is added to the time stamps of the tracks, s.
+        out: folder for the result's folder and the scenario; None writes nothing.
 
     Raises:
-        InputError: a file cannot be read or has no partner, or it is not known what its columns are.
+        InputError: a file cannot be read or has no partner, or its columns are unknown.
     """
     files, boxes = (
-        [Path(file) for file in ([places] if isinstance(places, Path | str) else places)] for places in (tracks, truth)
+        [Path(file) for file in ([paths] if isinstance(paths, Path | str) else paths)] for paths in (tracks, truth)
     )
     options = FileOptions(list((columns or {}).items()), format, rate_hz, truth_format)
     folder = Path() if out is None else Path(out)

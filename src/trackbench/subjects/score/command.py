@@ -1,4 +1,4 @@
-"""``trackbench score``"""
+"""The command ``trackbench score``."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from trackbench.cli.terminal import quiet_option
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="BOXES",
-    help="File of the true boxes, by the same clock; of several sequences a folder, or given again.",
+    help="File of the true boxes, by the same clock; repeat it, or give a folder, for several sequences.",
 )
-@click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
-@click.option("--format", "form", metavar="NAME", help="Of the files, whatever their ending, as kitti or ros.")
-@click.option("--truth-format", metavar="NAME", help="Of BOXES, where it is another; auto: by the ending.")
+@click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="Column of a key: x=pos_x, time=stamp:ns.")
+@click.option("--format", "form", metavar="NAME", help="Format of the files, whatever their ending: kitti, ros.")
+@click.option("--truth-format", metavar="NAME", help="Format of BOXES, if it differs; auto: by the ending.")
 @click.option(
     "--rate", type=Finite(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
 )
 @click.option(
-    "--time-offset", type=Finite(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
+    "--time-offset", type=Finite(-3600, 3600), default=0.0, metavar="S", help="Time added to the tracks' times, s."
 )
-@click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="As gospa:0.8, or gospa:2% of the first.")
+@click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="Limit: gospa:0.8, or relative gospa:2%.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
-@out_option("The result gets a folder in it.", "results")
+@out_option("Folder for the result's folder.", "results")
 @artifact_options
 @junit_option("Write the gates as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result and its gates as JSON, and nothing else.")
@@ -58,7 +58,7 @@ def score_command(
     """Score tracks of a file against boxes of another.
 
     Several files of tracks are compared with each other. Columns are known by
-    usual names, which are shown. The scenario that it is stands in DIR too. A
+    usual names, which are shown. The scenario is written into DIR too. A
     folder of boxes holds several sequences, and a folder of tracks one tracker's,
     in files of the same names; intervals rest on five sequences or more.
 
@@ -69,7 +69,7 @@ def score_command(
       trackbench score old.csv new.csv --truth boxes.csv --gate gospa:2%
 
     \b
-    Exit status: 0 each gate is kept, 1 one is not, 2 bad input, 3 a tracker
+    Exit status: 0 all gates kept, 1 a gate not kept, 2 bad input, 3 a tracker
     failed, 4 cannot write
     """
     from trackbench.api.plan import RunPlan
@@ -81,7 +81,7 @@ def score_command(
     from trackbench.cli.run import status
     from trackbench.cli.run_output import RunOutput
     from trackbench.report.junit import Suite, suite_of_run
-    from trackbench.subjects.score.gate import Gate, judged_gates
+    from trackbench.subjects.score.gate import Gate, judge_gates
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
     limits = [Gate.parse(text) for text in gates]
@@ -100,7 +100,7 @@ def score_command(
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())
     (result,) = run_prepared(prepared, plan, executor, output)
-    judgements = judged_gates(limits, result)
+    judgements = judge_gates(limits, result)
     cases = [item.case(result.name) for item in judgements]
     for case in [] if as_json else cases:
         print_answer(f"{case.outcome.upper()}  {case.name} ({case.message})")

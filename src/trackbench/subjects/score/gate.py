@@ -1,4 +1,4 @@
-"""Limits on what tracks reach: a value, or how much worse than the first file they may be."""
+"""The gates of a score: limits on a metric, absolute or relative to the first file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OPTION = "--gate"
 
 
 class Gate(NamedTuple):
-    """A limit of a metric."""
+    """Limit on a metric."""
 
     metric: str
     limit: float
@@ -26,10 +26,10 @@ class Gate(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Gate:
-        """``gospa:0.8``, or ``gospa:2%``.
+        """Return the gate of a text such as ``gospa:0.8`` or ``gospa:2%``.
 
         Raises:
-            InputError: it is something else.
+            InputError: the text is no gate.
         """
         metric, colon, number = text.rpartition(":")
         if not colon:
@@ -45,10 +45,10 @@ class Gate(NamedTuple):
         return cls(metric, limit, relative)
 
     def require_files(self, number: int) -> None:
-        """Make sure that a percentage has a first file to refer to.
+        """Refuse a percentage if there is no first file to refer to.
 
         Raises:
-            InputError: there is one file.
+            InputError: the gate is relative and there is only one file.
         """
         if self.relative and number < 2:
             message = f"{self.limit:g} % of what? Name the file to compare with first, or a value: {self.metric}:VALUE"
@@ -56,7 +56,7 @@ class Gate(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What must hold."""
+        """Condition in words."""
         smaller = TRACK_METRICS[self.metric].better == "smaller"
         if self.relative:
             return f"{self.metric} not worse than that of the first file by more than {self.limit:g} %"
@@ -64,31 +64,30 @@ class Gate(NamedTuple):
 
 
 class JudgedGate(NamedTuple):
-    """A limit held against the tracks of one file."""
+    """Outcome of a gate for the tracks of one file."""
 
     tracker: str
     metric: str
     limit: float | None
-    """What the value is held against; None where the first file has no value."""
+    """Limit in the unit of the metric; None where the first file has no value."""
     value: float | None
     unit: str
     ci95: tuple[float, float] | None
     passed: bool
     text: str
-    """What must hold."""
     found: str
 
     def case(self, scenario: str) -> Case:
-        """The same as a test case; an error where a value is missing."""
+        """Return the outcome as a test case; an error where a value is missing."""
         missing = self.value is None or self.limit is None
         outcome: GateOutcome = "passed" if self.passed else "error" if missing else "failed"
         return Case(f"{self.tracker}: {self.text}", f"{scenario}.{self.tracker}", outcome, self.found)
 
 
-def judged_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
-    """Each limit held against each file; of a percentage, against each but the first.
+def judge_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
+    """Return the outcome of each gate for each file, of relative gates for each file but the first.
 
-    The values are compared as they are: of the same files the outcome is always the same.
+    Intervals play no role: equal files always have equal outcomes.
     """
     trackers = result.summary.trackers
     judgements = []

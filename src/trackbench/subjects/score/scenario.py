@@ -18,30 +18,29 @@ from trackbench.base.types import Array
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
-from trackbench.subjects.score.sequences import paired_sequences
+from trackbench.subjects.score.sequences import pair_sequences
 from trackbench.truth.config.traffic import AUTO, format_of
 from trackbench.truth.formats.tables import QUANTITIES, column_layout
 from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
 from trackbench.truth.recorded.table_files import read_header
 from trackbench.truth.tracks import TRAFFIC_FORMATS, read_rows
 
-#: Into how many stretches the scores of boxes are cut, for intervals.
+#: Largest number of stretches of time into which a sequence is divided, for intervals.
 MOST_STRETCHES = 10
-#: The formats whose files have names of columns.
+#: Formats whose files have named columns.
 TABLES = ("csv", "parquet")
 
 
 class FileOptions(NamedTuple):
-    """What is said of all files, where their names do not tell it."""
+    """Options of all files that their names do not tell."""
 
     columns: Sequence[tuple[str, str]]
-    """Keys with their columns, perhaps with a unit: ``timestamp:ns``; files may call one differently."""
+    """Keys with their columns, optionally with a unit: ``timestamp:ns``; a key may have one column for each file."""
     format: str | None = None
-    """Of the files; None or auto: by the ending of each."""
+    """Format of the files; None or auto for a format by each file's ending."""
     rate_hz: float | None = None
-    """Of files that count frames."""
     truth_format: str | None = None
-    """Of the boxes, where it is not that of the tracks."""
+    """Format of the boxes; None for the format of the tracks."""
 
 
 def scoring_scenario(
@@ -56,27 +55,27 @@ def scoring_scenario(
     """Return the scenario that scores tracks against boxes, in one sequence or in several.
 
     Args:
-        tracks: files or folders, see :func:`paired_sequences`.
+        tracks: files or folders, see :func:`pair_sequences`.
         truth: files of boxes, or folders of them.
-        options: of all files.
-        folder: where the scenario's file is to be, from which its paths start.
-        time_offset_s: added to the time stamps of all tracks, s.
-        overrides: ``key.path=value`` each.
+        options: options of all files.
+        folder: folder of the scenario's file, from which its paths start.
+        time_offset_s: time that is added to the time stamps of all tracks, s.
+        overrides: changes of the scenario, as ``key.path=value``.
 
     Raises:
-        InputError: a file cannot be read or has no partner, or it is not known what its columns are.
+        InputError: a file cannot be read or has no partner, or its columns are unknown.
     """
-    of_truth = options._replace(format=options.truth_format or options.format)
-    sequences = paired_sequences(tracks, truth, options.format, of_truth.format)
+    truth_options = options._replace(format=options.truth_format or options.format)
+    sequences = pair_sequences(tracks, truth, options.format, truth_options.format)
     number = len(sequences.truth)
     forms = [(file, _format(file, options)) for file in chain(*sequences.tracks)]
-    _require_known([*forms, *((file, _format(file, of_truth)) for file in sequences.truth)], options.columns)
-    boxes = _entry_of_sequences(sequences.truth, of_truth, folder)
+    _require_known([*forms, *((file, _format(file, truth_options)) for file in sequences.truth)], options.columns)
+    boxes = _entry_of_sequences(sequences.truth, truth_options, folder)
     form = TRAFFIC_FORMATS[boxes["format"]]
     options_of_form = form.model_validate({k: v for k, v in boxes.items() if k in form.model_fields})
-    every = [read_rows(options_of_form, file) for file in sequences.truth]
+    tables_of_boxes = [read_rows(options_of_form, file) for file in sequences.truth]
     name = re.sub("[^a-z0-9_-]+", "_", sequences.name.lower())[:64].strip("_") or "boxes"
-    stretches = _stretches([rows.time for rows in every])
+    stretches = _stretches([rows.time for rows in tables_of_boxes])
     cut = {"stretches": stretches} if stretches else {}
     offset = {"time_offset_s": time_offset_s} if time_offset_s else {}
     against = sequences.truth[0].name if number == 1 else f"{number} sequences of {sequences.name}"
@@ -100,7 +99,7 @@ def scoring_scenario(
 
 
 def _stretches(times: Sequence[Array]) -> int:
-    """Into how many stretches of time each sequence is cut; 0 where there are enough, or where they are too short."""
+    """Return the number of stretches into which each sequence is divided; 0 for enough or too short sequences."""
     shortest = min(float(np.ptp(time)) for time in times)
     count = min(MOST_STRETCHES, int(shortest / SHORTEST))
     if len(times) >= FEWEST_SCENES or count < 2 or count * len(times) < FEWEST_SCENES:
@@ -108,14 +107,14 @@ def _stretches(times: Sequence[Array]) -> int:
     return count if all(len(np.unique(stretch_of(time, count))) == count for time in times) else 0
 
 
-def tracker_names(places: Iterable[Path]) -> list[str]:
-    """Name each file or folder: by its own name, with its folder's or a number where two are alike."""
+def tracker_names(paths: Iterable[Path]) -> list[str]:
+    """Return a tracker name for each file or folder; equal names get the parent folder's name or a number."""
     names: list[str] = []
-    for file in places:
-        own = file.name if file.is_dir() else file.stem
-        name = _word(own)
+    for file in paths:
+        stem = file.name if file.is_dir() else file.stem
+        name = _as_name(stem)
         if name in names:
-            name = _word(f"{file.absolute().parent.name}_{own}")
+            name = _as_name(f"{file.absolute().parent.name}_{stem}")
         number, begin = 2, name
         while name in names:
             name, number = f"{begin}_{number}", number + 1
@@ -123,7 +122,7 @@ def tracker_names(places: Iterable[Path]) -> list[str]:
     return names
 
 
-def _word(text: str) -> str:
+def _as_name(text: str) -> str:
     word = re.sub("[^A-Za-z0-9_-]+", "_", text)[:56]
     return word if word[:1].isalpha() else f"t{word}"
 
@@ -141,7 +140,7 @@ def _format(file: Path, options: FileOptions) -> str:
 
 
 def _entry_of_sequences(files: Sequence[Path], options: FileOptions, folder: Path) -> dict[str, Any]:
-    """What a scenario says of the files of several sequences, which are read alike."""
+    """Return the scenario's entry for the files of several sequences, which must have the same options."""
     first, *others = (_entry(file, options, folder) for file in files)
     for file, entry in zip(files[1:], others, strict=True):
         if {**entry, "path": ""} != {**first, "path": ""}:
@@ -150,7 +149,7 @@ def _entry_of_sequences(files: Sequence[Path], options: FileOptions, folder: Pat
 
 
 def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
-    """What a scenario says of a file: path, format and its options."""
+    """Return the scenario's entry for a file: path, format and options."""
     form = _format(file, options)
     entry = {"path": os.path.relpath(file.absolute(), folder.absolute()), "format": form}
     if form not in TABLES:
@@ -159,31 +158,30 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
             raise InputError(f"{form} counts frames: give their number per second, --rate", file=file)
         return {**entry, **({"rate_hz": options.rate_hz} if rate and options.rate_hz else {})}
     names = read_header(file, form)
-    own: dict[str, str] = {}
+    stated: dict[str, str] = {}
     for key, text in options.columns:
-        if _column(text, names) in names and own.setdefault(key, text) != text:
+        if _column_name(text, names) in names and stated.setdefault(key, text) != text:
             raise InputError(
-                f"{key} is both {own[key]!r} and {text!r}, and this file has the two", file=file, key="--map"
+                f"{key} is both {stated[key]!r} and {text!r}, and this file has both columns", file=file, key="--map"
             )
     try:
-        known = column_layout(names, own)
+        known = column_layout(names, stated)
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
     columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
     return {**entry, "columns": columns}
 
 
-def _column(text: str, names: Sequence[str]) -> str:
-    """The column that a text such as ``timestamp:ns`` names."""
+def _column_name(text: str, names: Sequence[str]) -> str:
     return text if text in names else text.rpartition(":")[0] or text
 
 
 def _require_known(forms: Iterable[tuple[Path, str]], columns: Iterable[tuple[str, str]]) -> None:
-    """Make sure that each column that is named is in one of the files; ``forms``: the files, with their formats."""
+    """Refuse a named column that no file has; ``forms`` are the files with their formats."""
     tables = [(file, form) for file, form in forms if form in TABLES]
     names = list(dict.fromkeys(name for file, form in tables for name in read_header(file, form)))
     for key, text in columns:
         if key not in QUANTITIES:
             raise InputError(f"no column is called {key!r}; {nearest_choices(key, QUANTITIES)}", key="--map")
-        if _column(text, names) not in names:
+        if _column_name(text, names) not in names:
             raise InputError(f"no file has a column {text!r}; {nearest_choices(text, names)}", key="--map")
