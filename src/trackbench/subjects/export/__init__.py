@@ -1,4 +1,7 @@
-"""The scans of a scenario, and its truth apart, as files for programs that track elsewhere."""
+"""Exports of a scenario's scans, and of its ground truth, as files for other tracking programs.
+
+A scenario comes in; a folder of scans, and another folder of truth, go out. Read ``api.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

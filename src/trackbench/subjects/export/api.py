@@ -1,4 +1,4 @@
-"""``trackbench.export``, and the formats in which scans and truths are written."""
+"""The call ``trackbench.export``, and the formats of scans and truth."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from trackbench.subjects.export.manifest import MANIFEST, scan_manifest, truth_m
 from trackbench.subjects.export.mcap import mcap_scan_files
 from trackbench.subjects.export.scans import ScanSource, scan_table, truth_table
 
-#: By the name of a file in the folder, what writes it.
+#: Function that writes each file of a folder, by file name.
 Files = dict[str, Callable[[Path], object]]
 
 
 def _scan_tables(source: ScanSource) -> Iterable[pa.Table]:
     sensors = source.loaded.config.sensors
-    return (scan_table(of_run, sensors, source.hidden) for of_run in map(source.scans, source.keys))
+    return (scan_table(run, sensors, source.hidden) for run in map(source.scans, source.keys))
 
 
 def _truth_tables(source: ScanSource) -> Iterable[pa.Table]:
@@ -33,7 +33,7 @@ def _truth_tables(source: ScanSource) -> Iterable[pa.Table]:
 
 
 def _write_csv(tables: Iterable[pa.Table], path: Path) -> None:
-    """Write numbers in the shortest digits that give the same number back, and nothing where one is missing."""
+    """Write numbers with the fewest digits that reproduce them exactly, and nothing for a missing number."""
     from pyarrow import compute, csv
 
     with path.open("wb") as stream:
@@ -62,7 +62,7 @@ FORMATS = (*TABLES, "mcap")
 
 
 def _scan_files(source: ScanSource, form: str) -> Files:
-    """Return what writes the files of all scans; each run is made when its file is written."""
+    """Return the functions that write the scans; each run is made when its file is written."""
     if form == "mcap":
         return mcap_scan_files(source)
     return {f"scans.{form}": lambda path: TABLES[form](_scan_tables(source), path)}
@@ -81,21 +81,21 @@ def export(
     format: str = "csv",
     progress: Progress = no_progress,
 ) -> None:
-    """Write the scans of every run of a scenario, and its truth into another folder.
+    """Write the scans of every run of a scenario, and its ground truth into another folder.
 
-    The scans are those that the scenario's trackers get, bit for bit. Each folder has a ``manifest.json`` and is
-    written whole or not at all; one of an earlier export is replaced.
+    The scans are bit for bit those that the scenario's trackers get. Each folder has a ``manifest.json`` and is
+    written whole or not at all; the folder of an earlier export is replaced.
 
     Args:
-        scenario: what :func:`load` gave or takes.
-        scans: the folder of the scans.
-        truth: the folder of the truth; it is not written unless given.
-        format: ``csv``, ``parquet`` or ``mcap``, whose truth is a table in Parquet.
-        progress: called with the number of steps simulated and of all.
+        scenario: scenario, loaded or by its path or name.
+        scans: folder of the scans.
+        truth: folder of the truth; None writes no truth.
+        format: ``csv``, ``parquet`` or ``mcap``, with which the truth is written as Parquet.
+        progress: called with the number of simulated steps and of all steps.
 
     Raises:
-        InputError: something is wrong in the scenario, a folder cannot be written or holds something else.
-        TrackbenchError: a folder cannot be written to its end.
+        InputError: the scenario is invalid, or a folder cannot be written or has other contents.
+        TrackbenchError: the writing of a folder fails.
     """
     if format not in FORMATS:
         raise InputError(f"there is no format {format!r}; {nearest_choices(format, FORMATS)}", key="format")
@@ -114,12 +114,12 @@ def export(
 
 
 def _writer(manifest: Callable[[ScanSource], dict[str, Any]], source: ScanSource) -> Callable[[Path], object]:
-    """Return what writes a manifest, which has the fingerprints of the runs that were written before."""
+    """Return the function that writes a manifest; it must run after the scans, whose fingerprints it has."""
     return lambda path: write_file(json_text(manifest(source)), path)
 
 
 def _require_apart(folders: list[Path]) -> None:
-    """Require separate folders: a program that reads the scans must not come upon the truth."""
-    places = [folder.resolve() for folder in folders]
-    if len(places) == 2 and (places[0].is_relative_to(places[1]) or places[1].is_relative_to(places[0])):
+    """Refuse nested folders, since a program that reads the scans must not find the truth."""
+    resolved = [folder.resolve() for folder in folders]
+    if len(resolved) == 2 and (resolved[0].is_relative_to(resolved[1]) or resolved[1].is_relative_to(resolved[0])):
         raise InputError("the truth goes into a folder of its own, apart from the scans", key="--truth")

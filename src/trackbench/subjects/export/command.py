@@ -1,4 +1,4 @@
-"""``trackbench export``"""
+"""The command ``trackbench export``."""
 
 from __future__ import annotations
 
@@ -21,11 +21,9 @@ FORMAT_NAMES = ("csv", "parquet", "mcap")
     required=True,
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Folder of the scans; that of an earlier export is replaced.",
+    help="Folder of the scans; an earlier export there is replaced.",
 )
-@click.option(
-    "--truth", type=click.Path(path_type=Path, file_okay=False), metavar="DIR", help="Another folder, of the truth."
-)
+@click.option("--truth", type=click.Path(path_type=Path, file_okay=False), metavar="DIR", help="Folder of the truth.")
 @click.option(
     "--format",
     "form",

@@ -1,4 +1,4 @@
-"""``manifest.json``: what a folder of an export holds, and what its numbers mean."""
+"""The file ``manifest.json``: the contents of an export's folder, and the meaning of its numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.sensing.view import field_of_view
 from trackbench.subjects.export.scans import TRUTH, ScanSource, component_columns, scan_columns
 
 MANIFEST = "manifest.json"
-#: Of the manifest and of the tables that it describes.
+#: Version of the manifest and of the tables that it describes.
 SCHEMA_VERSION = 1
 FRAME = (
     "x and y in the plane of the road, fixed to the ground; angles counter-clockwise seen from above; SI units and rad"
@@ -74,7 +74,7 @@ def _scene(source: ScanSource, number: int) -> dict[str, Any]:
 
 
 def _sensor(sensor: IdealSensor, hidden: bool) -> dict[str, Any]:
-    """Return what a sensor states of itself."""
+    """Return a sensor's stated properties."""
     config, view = sensor.config, field_of_view(sensor.config)
     names = zip(config.components, component_columns(config), config.units, strict=True)
     entry: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Scans in MCAP, as JSON with a JSON schema: a message for each scan, in the order in which a tracker gets them."""
+"""The scans in MCAP, as JSON with a schema: a message for each scan, in the order in which a tracker gets them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from trackbench.truth.formats.mcap import SCAN
 
 
 class ScanRow(BaseModel):
-    """A measurement, with a key for each of its components, such as ``range_m``."""
+    """Measurement with a key for each of its components, such as ``range_m``."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -27,7 +27,7 @@ class ScanRow(BaseModel):
 
 
 class ScanMessage(BaseModel):
-    """All that a tracker gets of a scan."""
+    """Scan as a tracker gets it."""
 
     scene: int
     run: int
@@ -45,7 +45,7 @@ class ScanMessage(BaseModel):
 
 
 def mcap_scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
-    """Return what writes the file of each run."""
+    """Return the functions that write the file of each run, by file name."""
     return {f"{key.stem}.mcap": partial(_write_scans, source, key) for key in source.keys}
 
 
@@ -59,7 +59,7 @@ def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
         from mcap.writer import Writer
     except ImportError:
         raise InputError("MCAP needs one more package: pip install 'trackbench[mcap]'", file=path.name) from None
-    of_run = source.scans(key)
+    run_scans = source.scans(key)
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start(library="trackbench")
@@ -68,15 +68,15 @@ def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
         channels = {
             name: writer.register_channel(f"/{name}/scan", "json", schema) for name in source.loaded.config.sensors
         }
-        for number, scan in enumerate(of_run.scans):
-            data = _message(of_run, number, scan).model_dump_json(exclude_none=True).encode()
+        for number, scan in enumerate(run_scans.scans):
+            data = _message(run_scans, number, scan).model_dump_json(exclude_none=True).encode()
             nanoseconds = round(scan.arrival_time * 1e9)
             writer.add_message(channels[scan.sensor], nanoseconds, data, nanoseconds)
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _message(of_run: RunScans, number: int, scan: Scan) -> ScanMessage:
-    columns, objects = component_columns(SENSOR_MODELS[scan.kind]), of_run.objects
+def _message(run_scans: RunScans, number: int, scan: Scan) -> ScanMessage:
+    columns, objects = component_columns(SENSOR_MODELS[scan.kind]), run_scans.objects
     rows = []
     for place, (valid, measured) in enumerate(zip(scan.valid.tolist(), scan.measurement.T.tolist(), strict=True)):
         named = {"detection": place} if objects is None else {"object": objects[place]}
@@ -85,8 +85,8 @@ def _message(of_run: RunScans, number: int, scan: Scan) -> ScanMessage:
     hidden = objects is None
     return ScanMessage.model_validate(
         {
-            **of_run.key._asdict(),
-            "fingerprint": of_run.fingerprint,
+            **run_scans.key._asdict(),
+            "fingerprint": run_scans.fingerprint,
             "scan": number,
             "sensor": scan.sensor,
             "time_s": scan.time,

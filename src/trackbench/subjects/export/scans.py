@@ -1,6 +1,6 @@
-"""The scans and the truth of a scenario: run by run as a tracker gets them, and as tables.
+"""The scans and the truth of a scenario, run by run and as tables.
 
-A table has a row a measurement, and a row a scan that has none.
+A table of scans has a row for each measurement, and a row for each scan without any.
 """
 
 from __future__ import annotations
@@ -24,84 +24,79 @@ from trackbench.truth import LoadedTruth
 
 
 class RunKey(NamedTuple):
-    """One Monte-Carlo run of one scene."""
+    """Key of a Monte-Carlo run of a scene."""
 
     scene: int
-    """From 0."""
+    """Number of the scene, from 0."""
     run: int
-    """Within the scene, from 0."""
+    """Number of the run in the scene, from 0."""
 
     @property
     def stem(self) -> str:
-        """Of the name of its file, where it has one of its own."""
+        """File name of the run without ending, for formats with a file for each run."""
         return f"scene{self.scene}_run{self.run}"
 
 
 class RunScans(NamedTuple):
-    """All scans of one run."""
+    """All scans of a run."""
 
     key: RunKey
     fingerprint: str
-    """Of all its measurements, as in ``result.json``."""
+    """Hash of all measurements of the run, as in ``result.json``."""
     scans: list[Scan]
-    """In the order in which a tracker gets them: by arrival, then by time, then in the scenario's order of sensors.
+    """Scans by arrival, then by time, then in the scenario's order of sensors.
     ``measurement`` is ``(m, objects)`` with known identities, else ``(m, D)``."""
     objects: tuple[str, ...] | None
-    """The name of each object; None where identities are hidden."""
+    """Names of the objects; None with hidden identities."""
 
 
 @dataclass
 class ScanSource:
-    """What is exported of a scenario.
-
-    Args:
-        loaded: the scenario.
-        truths: one for each scene.
-    """
+    """Scenario with the truth of each scene, from which scans are made run by run."""
 
     loaded: Scenario
     truths: Sequence[LoadedTruth]
     fingerprints: dict[RunKey, str] = field(default_factory=dict)
-    """Of the runs that were made so far."""
+    """Fingerprints of the runs that were made so far."""
 
     @cached_property
     def work(self) -> Work:
-        """The scenes with their sensors; no tracker has to be there."""
+        """Scenes with their sensors, without trackers."""
         config = self.loaded.config.model_copy(update={"trackers": {}})
         return work_of(replace(self.loaded, config=config), self.truths)
 
     @property
     def hidden(self) -> bool:
-        """Whether identities are."""
+        """Whether identities are hidden."""
         return self.loaded.config.sensing.identities == "hidden"
 
     @property
     def keys(self) -> list[RunKey]:
-        """Every run of every scene."""
+        """Keys of all runs of all scenes."""
         return [RunKey(scene, run) for scene in range(len(self.truths)) for run in range(self.work.runs)]
 
     @property
     def scene_names(self) -> list[str]:
-        """What tells each scene from the others, such as ``seed 13``."""
+        """Names of the scenes, such as ``seed 13``."""
         sources = self.loaded.config.truth.scenes()
         return [source.scene_name or f"scene {number + 1}" for number, source in enumerate(sources)]
 
     def scans(self, key: RunKey) -> RunScans:
-        """Return the scans of one run, which do not depend on what else is exported."""
+        """Return the scans of one run, which do not depend on the other exported runs."""
         work, scene, runs = self.work, self.work.scenes[key.scene], range(key.run, key.run + 1)
         noise, objects = work.noise_of(key.scene), None
         if self.hidden:
             hidden = sense_hidden(scene.sensors, work.seed, noise, runs)
-            digest, taken = hidden.digests[0], [scan_of_run(scan, 0) for scan in hidden.scans]
+            digest, scans = hidden.digests[0], [scan_of_run(scan, 0) for scan in hidden.scans]
         else:
             measurements = sense_known(scene.sensors, work.seed, noise, runs)
-            digest, taken, objects = measurements.digests[0], measurements.scans, scene.truth.ids
-        arrived = sorted(taken, key=lambda scan: (scan.arrival_time, scan.time))
+            digest, scans, objects = measurements.digests[0], measurements.scans, scene.truth.ids
+        arrived = sorted(scans, key=lambda scan: (scan.arrival_time, scan.time))
         self.fingerprints[key] = digest.hex()[:16]
         return RunScans(key, self.fingerprints[key], arrived, objects)
 
 
-#: Meaning of each column of the exported tables, whose unit is at the end of its name.
+#: Meaning of each column of the exported tables; the unit is at the end of the column's name.
 OF_RUN = {
     "scene": "number of the scene, from 0",
     "run": "number of the Monte-Carlo run within the scene, from 0",
@@ -148,12 +143,7 @@ def component_columns(sensor: Sensor | type[Sensor]) -> list[str]:
 
 
 def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, str]:
-    """Return the columns of a table of scans.
-
-    Args:
-        sensors: by name.
-        hidden: whether identities are.
-    """
+    """Return the columns of a table of scans with their meanings; ``hidden`` says whether identities are hidden."""
     columns = OF_RUN | OF_SCAN | (OF_HIDDEN if hidden else OBJECT) | VALID
     for sensor in sensors.values():
         for column, name in zip(component_columns(sensor), sensor.components, strict=True):
@@ -162,18 +152,18 @@ def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, str]:
     return columns
 
 
-def scan_table(of_run: RunScans, sensors: Mapping[str, Sensor], hidden: bool) -> pa.Table:
-    """Return the scans of a run, with the columns of ``scan_columns``."""
-    scans = of_run.scans
+def scan_table(run_scans: RunScans, sensors: Mapping[str, Sensor], hidden: bool) -> pa.Table:
+    """Return the table of a run's scans, with the columns of :func:`scan_columns`."""
+    scans = run_scans.scans
     counts = np.array([max(scan.valid.size, 1) for scan in scans], dtype=np.intp)
     starts, rows = np.cumsum(counts) - counts, int(counts.sum())
     number = np.repeat(np.arange(len(scans)), counts)
     pose = np.array([scan.sensor_pose for scan in scans]).reshape(-1, 3)[number]
     velocity = np.array([scan.sensor_velocity for scan in scans]).reshape(-1, 2)[number]
     values: dict[str, Any] = {
-        "scene": np.full(rows, of_run.key.scene),
-        "run": np.full(rows, of_run.key.run),
-        "fingerprint": pa.repeat(of_run.fingerprint, rows),
+        "scene": np.full(rows, run_scans.key.scene),
+        "run": np.full(rows, run_scans.key.run),
+        "fingerprint": pa.repeat(run_scans.fingerprint, rows),
         "scan": number,
         "sensor": pa.array([scan.sensor for scan in scans], pa.string()).take(number),
         "time_s": np.array([scan.time for scan in scans])[number],
@@ -182,25 +172,25 @@ def scan_table(of_run: RunScans, sensors: Mapping[str, Sensor], hidden: bool) ->
         **dict(zip(("sensor_vx_mps", "sensor_vy_mps"), velocity.T, strict=True)),
     }
     place, valid = np.arange(rows) - starts[number], np.zeros(rows, dtype=np.int8)
-    own_columns = {name: component_columns(sensor) for name, sensor in sensors.items()}
-    measured = {column: np.full(rows, np.nan) for own in own_columns.values() for column in own}
+    sensor_columns = {name: component_columns(sensor) for name, sensor in sensors.items()}
+    measured = {column: np.full(rows, np.nan) for columns in sensor_columns.values() for column in columns}
     for scan, start in zip(scans, starts.tolist(), strict=True):
-        own = slice(start, start + scan.valid.size)
-        valid[own] = scan.valid
-        for name, component in zip(own_columns[scan.sensor], scan.measurement, strict=True):
-            measured[name][own] = component
+        rows_of_scan = slice(start, start + scan.valid.size)
+        valid[rows_of_scan] = scan.valid
+        for name, component in zip(sensor_columns[scan.sensor], scan.measurement, strict=True):
+            measured[name][rows_of_scan] = component
     if hidden:
         values["detection_probability"] = np.array([scan.detection_probability for scan in scans])[number]
         values["clutter_density"] = np.array([scan.clutter_density for scan in scans])[number]
         values["detection"] = pa.array(place, mask=valid == 0)
     else:
-        values["object"] = pa.array(of_run.objects or (), pa.string()).take(place)
+        values["object"] = pa.array(run_scans.objects or (), pa.string()).take(place)
     values |= {**measured, "valid": valid}
-    return pa.table({name: _nulled(values[name]) for name in scan_columns(sensors, hidden)})
+    return pa.table({name: _nan_as_missing(values[name]) for name in scan_columns(sensors, hidden)})
 
 
 def truth_table(scene: int, truth: Truth) -> pa.Table:
-    """Return a scene's truth with the columns of ``TRUTH``: a row an object and instant at which it is there."""
+    """Return a scene's truth with the columns of ``TRUTH``: a row for each instant and object that is present."""
     runs = truth.px.shape[-1]
     parts = []
     for run in range(runs):
@@ -225,6 +215,5 @@ def truth_table(scene: int, truth: Truth) -> pa.Table:
     return pa.concat_tables([pa.table(part) for part in parts])
 
 
-def _nulled(values: Any) -> Any:
-    """NaN as a missing value, which CSV leaves empty."""
+def _nan_as_missing(values: Any) -> Any:
     return pa.array(values, from_pandas=True) if isinstance(values, np.ndarray) else values
