@@ -1,4 +1,7 @@
-"""Trackers as live servers: a client sends measurements and gets estimates."""
+"""Servers of trackers: a simulator sends measurements over the network and gets estimates.
+
+A tracker of a scenario and the frames of a client come in; frames with estimates go out. Read ``session.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

@@ -1,4 +1,4 @@
-"""``trackbench serve``"""
+"""The command ``trackbench serve``."""
 
 from __future__ import annotations
 
@@ -33,19 +33,17 @@ def serve_command() -> None:
     "--tracker",
     required=True,
     metavar="SCENARIO#NAME",
-    help="A tracker of a scenario, whose sensors it reads.",
+    help="A tracker of a scenario, with the scenario's sensors.",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
-@click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to listen at: this machine's own unless given."
-)
+@click.option("--port", type=click.IntRange(0, 65535), default=4567, show_default=True, help="0 for any free port.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
 @isolation_options
 @click.pass_context
 def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, isolation: Isolation) -> None:
     """Speak the protocol of the Udacity term-2 simulator, until Ctrl-C.
 
-    Each client has its own tracker, which starts afresh when it connects again or restarts its data set. Programs may
-    connect; pages in a browser are refused. It needs `trackbench[serve]`.
+    Each client has its own tracker, which starts afresh when the client connects again or restarts its data set.
+    Programs may connect; pages in a browser are refused. It needs `trackbench[serve]`.
 
     \b
     Example:
@@ -58,9 +56,9 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, isol
         from trackbench.subjects.serve.server import serve_udacity
     except ModuleNotFoundError:
         raise InputError("serving needs one more package: pip install 'trackbench[serve]'") from None
-    from trackbench.subjects.serve.session import served
+    from trackbench.subjects.serve.session import load_served
 
-    tracker_served = served(load_scenario(path), name, isolation)
+    tracker_served = load_served(load_scenario(path), name, isolation)
     log_to_stderr(ctx, "trackbench.subjects.serve", logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%X"))
     for kind in {"lidar", "radar"} - set(tracker_served.sensors):
         click.echo(f"{path} has no {kind}: such measurements are passed over", err=True)

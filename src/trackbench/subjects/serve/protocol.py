@@ -1,8 +1,8 @@
 """The frames that the Udacity term-2 simulator and its server exchange: Socket.IO 2 over a WebSocket.
 
-An event is ``42`` and a JSON array of its name and its data. The simulator sends ``telemetry`` and waits for the
-answer before it sends the next, so that every event needs one. It takes two: ``estimate_marker``, and ``manual``,
-which only asks it to go on.
+An event is ``42`` and a JSON array of its name and its data. The simulator sends ``telemetry`` and waits for an
+answer before it goes on, so that every event needs one. The answer is ``estimate_marker``, or ``manual`` without an
+estimate.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from trackbench.truth.recorded.udacity import Measurement, parse_line
 
 EVENT = "42"
 MANUAL = EVENT + '["manual",{}]'
-#: What the simulator draws and shows: the estimate, and the RMSE of all estimates so far. SI units.
+#: Fields that the simulator draws: the estimate, and the RMSE of all estimates so far, in SI units.
 MARKER = ("estimate_x", "estimate_y", "rmse_x", "rmse_y", "rmse_vx", "rmse_vy")
 
 
 def parse(frame: str | bytes) -> Measurement | str | None:
-    """Return the measurement of a frame, the answer to an event without one, or None for a frame that is no event.
+    """Return a frame's measurement, the answer to an event without measurement, or None for a frame without event.
 
     Raises:
-        InputError: an event says nothing that a simulator would say.
+        InputError: the event is none of the simulator's.
     """
     if not isinstance(frame, str) or not frame.startswith(EVENT):
-        # Pings and what else the transport says need no answer.
+        # Pings and other frames of the transport need no answer.
         return None
     try:
         _, *data = json.loads(frame[len(EVENT) :])
         if not data or not data[0]:
-            # The simulator is not running.
+            # The simulator has stopped.
             return MANUAL
         return parse_line(data[0]["sensor_measurement"])
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):

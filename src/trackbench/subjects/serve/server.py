@@ -1,4 +1,4 @@
-"""The WebSocket server: who may connect, and how a connection ends."""
+"""The WebSocket server: it accepts programs, and ends connections."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from websockets.frames import CloseCode
 
 from trackbench.base.errors import InputError
 from trackbench.subjects.serve.protocol import MANUAL
-from trackbench.subjects.serve.session import Client, Served, TrackerFailed
+from trackbench.subjects.serve.session import Client, Served, TrackerError
 
 log = logging.getLogger(__name__)
 
-#: For how long the server waits for a client that opens or closes, s.
+#: Longest wait for a client that opens or closes a connection, s.
 PATIENCE = 2
-#: Bytes of the longest reason that a closing frame carries (RFC 6455, section 5.5).
+#: Largest length of a closing frame's reason, bytes (RFC 6455, section 5.5).
 REASON = 123
 
 
 async def serve_udacity(served: Served, host: str, port: int, ready: Callable[[str, int], None]) -> None:
-    """Serve until Ctrl-C or SIGTERM; every client is told goodbye.
+    """Serve until Ctrl-C or SIGTERM, then close each connection.
 
-    Programs may connect. Pages in a browser, which say their origin, are refused.
+    Programs may connect. Pages in a browser, which send an origin, are refused.
 
     Args:
-        served: the tracker, of which every client gets its own.
-        host: the address to listen at.
-        port: 0 for any that is free.
-        ready: called with the address and the port when clients can connect.
+        served: tracker; each client gets a fresh one.
+        host: address to listen at.
+        port: port to listen at; 0 for any free port.
+        ready: called with the address and the port as soon as clients can connect.
 
     Raises:
-        InputError: the address cannot be listened at.
+        InputError: the address cannot be used.
     """
     numbers = itertools.count(1)
 
@@ -48,11 +48,11 @@ async def serve_udacity(served: Served, host: str, port: int, ready: Callable[[s
         try:
             with closing(await asyncio.to_thread(Client, served, name)) as client:
                 async for frame in connection:
-                    # A slow tracker keeps no other client waiting.
+                    # In a thread, so that a slow tracker delays no other client.
                     answer = await asyncio.to_thread(client.answer, frame)
                     if answer is not None:
                         await connection.send(answer)
-        except TrackerFailed as failure:
+        except TrackerError as failure:
             text = " ".join(f"tracker {served.name} failed {failure}".split())
             log.error("%s: %s", name, text)
             with suppress(ConnectionClosed):
@@ -62,7 +62,7 @@ async def serve_udacity(served: Served, host: str, port: int, ready: Callable[[s
             log.warning("%s: %s", name, closed)
         log.info("%s: left", name)
 
-    # The library would trace each client that says nothing sensible.
+    # The library would print a traceback for each client that breaks the protocol.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     try:
         server = await listen(converse, host, port, origins=[None], open_timeout=PATIENCE, close_timeout=PATIENCE)

@@ -1,4 +1,4 @@
-"""The answers to one client: its tracker, its truth and the running RMSE."""
+"""The session of a client: its tracker, its answers and the running RMSE."""
 
 from __future__ import annotations
 
@@ -30,35 +30,35 @@ from trackbench.truth.recorded.udacity import Measurement
 
 log = logging.getLogger(__name__)
 
-#: Characters of a frame that a log line shows.
+#: Number of a frame's characters in a log line.
 SHOWN = 60
 
 
-class TrackerFailed(Exception):
-    """The tracker cannot go on; when and why."""
+class TrackerError(Exception):
+    """Failure of a tracker; the message has the measurement and the reason."""
 
 
 @dataclass(frozen=True)
 class Served:
-    """A scenario's tracker, which every session makes afresh, and the sensors that it reads."""
+    """Tracker of a scenario with its sensors; each session starts a fresh tracker."""
 
     name: str
     config: FilterConfig | PluginConfig
     folder: Path
     sensors: Mapping[str, tuple[Lidar | Radar, Scan]]
-    """The scenario's lidar and radar by kind, each with a scan at time 0 that has no measurement."""
+    """Lidar and radar of the scenario by kind, each with an empty scan at time 0."""
     isolation: Isolation
 
     def stepper(self) -> Any:
-        """Start a fresh tracker; raises as a plug-in does that does not start."""
+        """Start a fresh tracker, with the errors of a plug-in that fails to start."""
         return start_stepper(self.config, self.folder, 1, _refuse_truth, self.isolation)
 
 
-def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Served:
-    """Return the tracker of that name, started once to see that it can be.
+def load_served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Served:
+    """Return the tracker with a name, after one trial start.
 
     Raises:
-        InputError: no such tracker, it cannot start, or not one lidar and one radar at most.
+        InputError: there is no such tracker, it fails to start, or the scenario has two lidars or two radars.
     """
     config = loaded.config
     if name not in config.trackers:
@@ -86,7 +86,7 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
 
 
 def _empty_scan(name: str, config: Lidar | Radar, observer: object) -> Scan:
-    """Return a scan of a sensor at rest in the simulator's origin, unless the scenario puts it elsewhere."""
+    """Return an empty scan of a sensor at rest, at the scenario's fixed observer or else at the origin."""
     at = observer if isinstance(observer, FixedObserver) else FixedObserver()
     x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
     pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
@@ -101,16 +101,13 @@ def _refuse_truth(tracker: LateScans) -> LateScans:
 
 
 class Client:
-    """One connection: a data set, and another when the simulator is restarted. Knows nothing of the network.
-
-    Every estimate counts in the RMSE, from the first on.
-    """
+    """Session of one connection, without the network; a restart of the simulator begins a new data set and RMSE."""
 
     def __init__(self, served: Served, name: str) -> None:
         """Start a fresh tracker.
 
         Raises:
-            TrackerFailed: a plug-in does not start again.
+            TrackerError: the plug-in fails to start.
         """
         self._served = served
         self._name = name
@@ -125,13 +122,13 @@ class Client:
         try:
             self._stepper, self._state = self._served.stepper(), None
         except (Exception, SystemExit) as error:
-            raise TrackerFailed(f"to start: {fault_of(error)}") from error
+            raise TrackerError(f"to start: {fault_of(error)}") from error
 
     def answer(self, frame: str | bytes) -> str | None:
-        """Return the frame to send back, or None where none is due; a bad event is logged and answered ``manual``.
+        """Return the frame to send back, or None without one; a bad event is logged and answered with ``manual``.
 
         Raises:
-            TrackerFailed: the tracker raised, or what it gave is not an estimate.
+            TrackerError: the tracker raised an error, or its answer is no estimate.
         """
         try:
             measurement = parse(frame)
@@ -143,7 +140,7 @@ class Client:
         if measurement.kind not in self._served.sensors:
             return MANUAL
         if measurement == self._last:
-            # The simulator's clock does not wait for answers, nor run while it pauses: it may send a line twice.
+            # The simulator may send a line twice, since its clock stops during a pause.
             return self._last_answer
         if self._last is not None and measurement.stamp < self._last.stamp:
             self.close()
@@ -154,11 +151,11 @@ class Client:
         try:
             self._last_answer = self._answer_to(measurement)
         except (Exception, SystemExit) as error:
-            raise TrackerFailed(f"at measurement {self._measurements}: {fault_of(error)}") from error
+            raise TrackerError(f"at measurement {self._measurements}: {fault_of(error)}") from error
         return self._last_answer
 
     def close(self) -> None:
-        """End the tracker, and log what the data set came to."""
+        """End the tracker, and log the totals of the data set."""
         if isinstance(self._stepper, ForeignTracker):
             self._stepper.close()
         if self._measurements:
@@ -188,5 +185,5 @@ class Client:
             self._first = measurement.stamp
         time = (measurement.stamp - self._first) / 1e6  # s, of microseconds
         scan = empty._replace(time=time, arrival_time=time, measurement=values, valid=np.ones(1, dtype=bool))
-        named = self._served.config.sensors_used
-        return scan if named is None or scan.sensor in named else empty_scan(scan)
+        used = self._served.config.sensors_used
+        return scan if used is None or scan.sensor in used else empty_scan(scan)
