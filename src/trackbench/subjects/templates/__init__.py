@@ -1,4 +1,7 @@
-"""A working start for the author of a plug-in: a module, its test and, for trackers, a scenario."""
+"""Templates of plug-ins: a working module, its test and, for trackers, a scenario.
+
+A kind and a name come in (``trackbench new``); the files of a new plug-in go out. Read ``plug_in.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

@@ -1,4 +1,4 @@
-"""``trackbench new``: the files of a new plug-in: a module, its test and, for trackers, a scenario."""
+"""The command ``trackbench new``, which writes the files of a new plug-in from templates."""
 
 from __future__ import annotations
 
@@ -23,35 +23,36 @@ PYTHON = "python"
 
 
 class Language(NamedTuple):
-    """The files of a tracker in a language, by their templates; ``{name}`` is its name."""
+    """Files of a tracker in a programming language."""
 
     files: Mapping[str, str]
+    """Template of each file, by file name; ``{name}`` stands for the tracker's name."""
     use: str
-    """How a scenario names it."""
+    """Value of ``use`` in a scenario."""
     build: str | None = None
-    """The command that builds it."""
+    """Command that builds the program; None for a script."""
 
 
-def _built(ending: str, template: str, *headers: str, scenario: str = "tracker.yaml.j2") -> Language:
+def _compiled(ending: str, template: str, *headers: str, scenario: str = "tracker.yaml.j2") -> Language:
     shared = {name: f"languages/{name}" for name in (*headers, *HEADERS, "Makefile")}
     files = {f"{{name}}.{ending}": f"languages/{template}", "{name}.yaml": f"templates/{scenario}", **shared}
     return Language(files, "{{command: [./{name}]}}", "make {name}")
 
 
 LANGUAGES: Mapping[str, Language] = {
-    "cpp": _built("cpp", "tracker.cpp.j2", "ekf.hpp", "trackbench.hpp"),
-    "c": _built("c", "tracker.c.j2"),
+    "cpp": _compiled("cpp", "tracker.cpp.j2", "ekf.hpp", "trackbench.hpp"),
+    "c": _compiled("c", "tracker.c.j2"),
     "python-program": Language(
         {"{name}.py": "languages/tracker_program.py.j2", "{name}.yaml": "templates/tracker.yaml.j2"},
         "{{command: [python3, {name}.py]}}",
     ),
 }
-#: Those of a tracker of several objects.
+#: Languages of a tracker of several objects.
 OF_SEVERAL: Mapping[str, Language] = {
-    "cpp": _built("cpp", "multi_tracker.cpp.j2", "ekf.hpp", "trackbench.hpp", scenario="multi_tracker.yaml.j2"),
+    "cpp": _compiled("cpp", "multi_tracker.cpp.j2", "ekf.hpp", "trackbench.hpp", scenario="multi_tracker.yaml.j2"),
 }
 
-#: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
+#: Templates of each kind of plug-in, by file name; ``{name}`` stands for the module's name.
 KINDS: Mapping[str, Mapping[str, str]] = {
     "tracker": {"{name}.py": "tracker.py.j2", "test_{name}.py": "test_tracker.py.j2", "{name}.yaml": "tracker.yaml.j2"},
     "multi-tracker": {
@@ -65,8 +66,8 @@ KINDS: Mapping[str, Mapping[str, str]] = {
     "metric": {"{name}.py": "metric.py.j2", "test_{name}.py": "test_metric.py.j2"},
 }
 
-#: How a scenario names a new plug-in of each kind.
-NAMED = {
+#: Lines of a scenario that use a new plug-in, by kind.
+USES = {
     "tracker": "  trackers: {{mine: {{use: {use}}}}}",
     "multi-tracker": "  trackers: {{mine: {{use: {use}}}}}  # with sensing: {{identities: hidden}}",
     "motion-model": "  trackers: {{mine: {{filter: ekf, motion: {use}, ...}}}}",
@@ -77,20 +78,16 @@ NAMED = {
 
 
 def new(kind: str, name: str, out: Path, language: str = PYTHON) -> list[Path]:
-    """Write the files of a new plug-in.
+    """Write the files of a new plug-in; return their paths in the order of ``KINDS``.
 
     Args:
         kind: one of ``KINDS``.
-        name: of the module; the class is named after it, and a metric in results too.
-        out: the folder, made if there is none.
-        language: of a tracker: ``python``, or one of ``LANGUAGES``; of several objects one of ``OF_SEVERAL``.
-
-    Returns:
-        The files, in the order of ``KINDS``.
+        name: name of the module, after which the class, and a metric in results, are named.
+        out: folder of the files, which is made if needed.
+        language: language of a tracker: ``python``, or one of ``LANGUAGES`` (``OF_SEVERAL`` for several objects).
 
     Raises:
-        InputError: the name is no name of a module, or a file with other content is there already. Nothing is written
-            then.
+        InputError: the name is invalid for a module, or a file with other content exists; nothing is written.
     """
     if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower():
         raise InputError(f"{name!r} is no name for a module: write it in small letters, digits and _")
@@ -108,34 +105,33 @@ def new(kind: str, name: str, out: Path, language: str = PYTHON) -> list[Path]:
     patterns = {pattern: f"templates/{template}" for pattern, template in KINDS[kind].items()}
     if language != PYTHON:
         patterns = dict(languages[language].files)
-    values = {"name": name, "cls": class_name(name), "use": _named(name, language)}
+    values = {"name": name, "cls": class_name(name), "use": _use_of(name, language)}
     texts = {}
     for pattern, template in patterns.items():
         text = files(__package__).joinpath(*template.split("/")).read_text(encoding="utf-8")
         text = environment.from_string(text).render(**values) if template.endswith(".j2") else text
         texts[out / pattern.format(name=name)] = text
-    # Trackers in one folder share the headers.
-    there = [str(path) for path, text in texts.items() if path.exists() and not _has(path, text)]
-    if there:
-        raise InputError(f"{' and '.join(there)} {'is' if len(there) == 1 else 'are'} there already: use another name")
+    # Existing files with equal content are accepted, since trackers in one folder share headers.
+    taken = [str(path) for path, text in texts.items() if path.exists() and not _has_content(path, text)]
+    if taken:
+        raise InputError(f"{' and '.join(taken)} {'is' if len(taken) == 1 else 'are'} there already: use another name")
     _write({path: text for path, text in texts.items() if not path.exists()})
     return list(texts)
 
 
-def _has(path: Path, text: str) -> bool:
+def _has_content(path: Path, text: str) -> bool:
     try:
         return path.suffix in ("", ".h", ".hpp") and path.read_text(encoding="utf-8") == text
     except (OSError, UnicodeDecodeError):
         return False
 
 
-def _named(name: str, language: str) -> str:
-    """How a scenario names a new plug-in."""
+def _use_of(name: str, language: str) -> str:
     return f'"{name}:{class_name(name)}"' if language == PYTHON else LANGUAGES[language].use.format(name=name)
 
 
 def class_name(name: str) -> str:
-    """The class that a module is named after: ``my_tracker`` has ``MyTracker``."""
+    """Return the name of a module's class: ``MyTracker`` for ``my_tracker``."""
     return "".join(part.capitalize() for part in name.split("_"))
 
 
@@ -161,9 +157,9 @@ def _write(texts: Mapping[Path, str]) -> None:
     type=NearestChoice([PYTHON, *LANGUAGES]),
     default=PYTHON,
     metavar="LANGUAGE",
-    help="Of a tracker: python, cpp, c, python-program; of several objects python, cpp.  [default: python]",
+    help="Language of a tracker: python, cpp, c, python-program; multi-tracker: python, cpp.  [default: python]",
 )
-@out_option("Where to.", ".")
+@out_option("Folder of the files.", ".")
 def new_command(kind: str, name: str, language: str, out: Path) -> None:
     """Write a plug-in of your own that works, with its test.
 
@@ -184,11 +180,11 @@ def new_command(kind: str, name: str, language: str, out: Path) -> None:
     if language == PYTHON:
         print_answer(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
     elif build := LANGUAGES[language].build:
-        place = "" if out == Path() else f" -C {out}"
-        print_answer(f"\nBuild it:\n  {build.format(name=name)}{place}")
+        folder = "" if out == Path() else f" -C {out}"
+        print_answer(f"\nBuild it:\n  {build.format(name=name)}{folder}")
     if scenario is not None:
         print_answer(f"Run it:\n  trackbench run {scenario}")
     if language != PYTHON:
         print_answer(f"Find its faults:\n  trackbench doctor {scenario}#mine")
-    use = _named(name, language)
-    print_answer(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")
+    use = _use_of(name, language)
+    print_answer(f"Name it in a scenario beside {paths[0].name}:\n{USES[kind].format(use=use)}")
