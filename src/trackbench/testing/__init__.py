@@ -1,4 +1,4 @@
-"""Check-ups for the authors of plug-ins: does it keep the contract that the bench relies on?
+"""Checks for authors of plug-ins: whether a tracker, motion model or sensor keeps the bench's contract.
 
 from trackbench.testing import check_tracker
 check_tracker("mypkg.mymodule:MyTracker", alpha=0.5)

@@ -1,4 +1,4 @@
-"""Short synthetic drives of the check-ups: one target, or two cars whose detections say nothing of their origin."""
+"""The short synthetic drives of the checks: one target, or two cars with hidden identities."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ NOISE = {
     "radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
     "lidar": np.diag([0.15, 0.15]) ** 2,
 }
-#: Pose of the sensor at time 0, which is neither at the origin nor looks along x.
+#: Pose of the sensor at time 0: x, y in m and yaw in rad; neither at the origin nor along the x axis.
 POSE = np.array([4.0, -3.0, 0.4])
-#: Two cars in lanes of their own, one of which comes and one of which goes: px, py, vx, vy at time 0.
+#: px, py, vx, vy of two cars in separate lanes at time 0.
 CARS = np.array([[20.0, 15.0, 12.0, 3.0], [35.0, 40.0, 9.0, -1.0]])
 DURATION, STEP = 6.0, 0.05
 FIELD = FieldOfView(np.pi, 200.0)
@@ -28,45 +28,45 @@ def drive(
     target: int = 0,
     velocity: tuple[float, float] = (0.0, 0.0),
 ) -> list[Scan]:
-    """Measure a target that drives past a sensor which is neither at the origin nor looks along x.
+    """Return the scans of a target that drives past a sensor.
 
     Args:
-        kinds: "radar" or "lidar" of each scan.
-        times: when each is taken, s.
+        kinds: kind of each scan, "radar" or "lidar".
+        times: time of each scan, s.
         missed: numbers of the scans that do not detect the target.
-        target: another number is another target and other noise.
+        target: number of the target, which determines its motion and noise.
         velocity: vx, vy of the sensor, m/s.
     """
     random = np.random.default_rng(target)
-    own = np.array(velocity)
+    sensor_velocity = np.array(velocity)
     scans = []
     for number, (kind, time) in enumerate(zip(kinds, times, strict=True)):
-        pose = POSE + np.array([*own * time, 0.0])
-        ideal = SENSOR_MODELS[kind].measure(target_at(time, target), pose, own)
+        pose = POSE + np.array([*sensor_velocity * time, 0.0])
+        ideal = SENSOR_MODELS[kind].measure(target_at(time, target), pose, sensor_velocity)
         valid = np.array(number not in missed)
         noise = np.sqrt(np.diag(NOISE[kind])) * random.standard_normal(len(ideal))
-        scans.append(_scan(kind, time, np.where(valid, ideal + noise, np.nan), valid, pose, own))
+        scans.append(_scan(kind, time, np.where(valid, ideal + noise, np.nan), valid, pose, sensor_velocity))
     return scans
 
 
 def target_at(time: float, target: int = 0) -> Array:
-    """``(4,)`` px, py, vx, vy."""
+    """Return px, py, vx, vy of a target at a time, ``(4,)``."""
     vx, vy = 12.0 - target, 3.0
     return np.array([20.0 + vx * time, 15.0 + 4.0 * target + vy * time, vx, vy])
 
 
 def usual_drive(target: int = 0, missed: Sequence[int] = (), velocity: tuple[float, float] = (0.0, 0.0)) -> list[Scan]:
-    """Measure a target 120 times by a lidar and a radar in turn."""
+    """Return 120 scans of a target, by a lidar and a radar in turn."""
     return drive(["lidar", "radar"] * 60, [STEP * i for i in range(120)], missed, target, velocity)
 
 
 def hidden_drive(seed: int = 0, *, clutter: float = 0.0, probability: float = 1.0) -> list[Scan]:
-    """Measure two cars by a lidar and a radar in turn, in one run.
+    """Return the scans of two cars with hidden identities, by a lidar and a radar in turn.
 
     Args:
-        seed: of noise, misses and clutter.
+        seed: seed of noise, misses and false alarms.
         clutter: mean number of false alarms in a scan.
-        probability: of detecting a car.
+        probability: probability to detect a car.
     """
     random = np.random.default_rng(seed)
     still = np.zeros(2)
@@ -88,26 +88,26 @@ def hidden_drive(seed: int = 0, *, clutter: float = 0.0, probability: float = 1.
 
 
 def cars_at(time: float) -> Array:
-    """``(4, cars)`` px, py, vx, vy."""
+    """Return px, py, vx, vy of the cars at a time, ``(4, cars)``."""
     cars: Array = CARS.T + np.array([[time], [time], [0.0], [0.0]]) * np.roll(CARS.T, -2, axis=0)
     return cars
 
 
 def _scan(kind: str, time: float, measurement: Array, valid: Mask, pose: Array, velocity: Array) -> Scan:
-    # As in the bench, the arrays are read-only: a tracker that writes into them is found out.
+    # The arrays are read-only as in the bench, so that a tracker that writes into them fails.
     for shared in (measurement, valid, NOISE[kind], pose, velocity):
         shared.setflags(write=False)
     return Scan(time, kind, kind, measurement, valid, NOISE[kind], pose, velocity, time)
 
 
 def batched_scan(runs: Sequence[Scan]) -> Scan:
-    """Stack the scans of several runs at one instant along a last axis, padded to as many detections."""
+    """Stack the scans of several runs at one instant along a last axis, padded to the largest number of detections."""
     most = np.max([scan.valid.shape for scan in runs], axis=0).astype(int)
     measurement = np.full((len(runs[0].measurement), *most, len(runs)), np.nan)
     valid = np.zeros((*most, len(runs)), dtype=bool)
     for run, scan in enumerate(runs):
-        there: tuple[slice | int, ...] = (*map(slice, scan.valid.shape), run)
-        measurement[:, *there], valid[there] = scan.measurement, scan.valid
+        place: tuple[slice | int, ...] = (*map(slice, scan.valid.shape), run)
+        measurement[:, *place], valid[place] = scan.measurement, scan.valid
     for shared in (measurement, valid):
         shared.setflags(write=False)
     return runs[0]._replace(measurement=measurement, valid=valid)

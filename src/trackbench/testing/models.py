@@ -1,4 +1,4 @@
-"""Check-ups of the equations of motion models and sensors: Jacobians by finite differences, batches against loops."""
+"""The checks of motion models and sensors: Jacobians against finite differences, batches against loops."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.base import MOTION_MODELS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 
-#: Half the distance over which a central difference is taken, and how far a derivative may be from it.
+#: Step of central differences to either side, and allowed relative error of a derivative.
 STEP, CLOSE = 1e-5, 1e-6
 DT = (0.05, 0.7)
 #: Targets in the common state, away from rest and from the sensor.
@@ -22,31 +22,31 @@ POSE, VELOCITY = np.array([2.0, -1.0, 0.3]), np.array([4.0, -0.5])
 
 
 class ModelCheckError(AssertionError):
-    """A model's equations contradict each other; the text lists how."""
+    """Contradiction between a model's equations; the text lists all contradictions."""
 
 
 def check_motion_model(model: MotionModel) -> None:
-    """Hold a motion model's equations against each other.
+    """Check that a motion model's equations agree with each other.
 
     Raises:
-        ModelCheckError: a Jacobian is not the derivative, a step of no time moves the state, a batch differs from its
-            members, a first covariance is not positive definite, or something has the wrong shape; lists all of it.
+        ModelCheckError: a Jacobian is not the derivative, a step of zero time moves the state, a batch differs from its
+            members, a first covariance is not positive definite, or a shape is wrong; the text lists all problems.
     """
     _raise(type(model).__name__, _motion_problems(model))
 
 
 def check_sensor(sensor: Sensor) -> None:
-    """Hold a sensor's equations against each other.
+    """Check that a sensor's equations agree with each other.
 
     Raises:
-        ModelCheckError: the Jacobian is not the derivative, a noiseless measurement does not lead back to the target, a
-            batch differs from its members, or something has the wrong shape; lists all of it.
+        ModelCheckError: the Jacobian is not the derivative, a noise-free measurement does not lead back to the target,
+            a batch differs from its members, or a shape is wrong; the text lists all problems.
     """
     _raise(type(sensor).__name__, _sensor_problems(sensor))
 
 
 def derivative(function: Callable[[Array], Array], x: Array, angular: tuple[int, ...] = ()) -> Array:
-    """``(m, n)`` the derivative of a function at a state ``(n,)`` by central differences, angles wrapped."""
+    """Return the derivative ``(m, n)`` of a function at a state ``(n,)`` by central differences, angles wrapped."""
     steps = STEP * np.eye(len(x))
     return np.stack([difference(function(x + h), function(x - h), angular) for h in steps], axis=1) / (2 * STEP)
 
@@ -73,7 +73,7 @@ def _motion_problems(model: MotionModel) -> Iterator[str]:
     smallest = np.linalg.eigvalsh(np.moveaxis(first.covariance, -1, 0)).min()
     if not smallest > 0:
         yield f"the first covariance of from_cartesian is not positive definite (smallest eigenvalue {smallest:.1e})"
-    # Off zero in the components that position and velocity do not determine.
+    # Components that position and velocity do not determine get values other than zero.
     states = first.mean + np.linspace(0.1, 0.4, size)[:, None]
     for x in states.T:
         still = model.transition(x, 0.0)
@@ -86,12 +86,12 @@ def _motion_problems(model: MotionModel) -> Iterator[str]:
             if not np.allclose(model.transition(x, dt), batch[:, i]):
                 yield f"transition of a batch differs from that of its members (dt {dt:g} s)"
                 break
-        jacobian, transition = (lambda x, dt=dt, of=of: of(x, dt) for of in (model.jacobian, model.transition))
-        yield from _compared("jacobian", "transition", states, jacobian, transition, model.angular)
+        jacobian, transition = (lambda x, dt=dt, call=call: call(x, dt) for call in (model.jacobian, model.transition))
+        yield from _compare("jacobian", "transition", states, jacobian, transition, model.angular)
         gain = model.noise_gain(states[:, 0], dt)
         if gain.shape != (size, noises):
             yield f"noise_gain has the shape {gain.shape}, not {(size, noises)}"
-    yield from _compared("cartesian_jacobian", "to_cartesian", states, model.cartesian_jacobian, model.to_cartesian)
+    yield from _compare("cartesian_jacobian", "to_cartesian", states, model.cartesian_jacobian, model.to_cartesian)
     if pickle.loads(pickle.dumps(model)) != model or hash(model) != hash(model.model_copy()):
         yield "it does not survive pickling, or its copies have another hash"
 
@@ -110,7 +110,7 @@ def _sensor_problems(sensor: Sensor) -> Iterator[str]:
         if not np.allclose(sensor.measure(target, POSE, VELOCITY), batch[:, i]):
             yield "measure of a batch differs from that of its members"
             break
-    yield from _compared(
+    yield from _compare(
         "jacobian", "measure", TARGETS, lambda x: sensor.jacobian(x, POSE, VELOCITY),
         lambda x: sensor.measure(x, POSE, VELOCITY), sensor.angular,
     )  # fmt: skip
@@ -126,9 +126,9 @@ def _sensor_problems(sensor: Sensor) -> Iterator[str]:
         yield f"radial_velocity has the shape {sensor.radial_velocity(scan).shape}, not {(2, TARGETS.shape[1])}"
 
 
-def _compared(
+def _compare(
     name: str,
-    of: str,
+    of_function: str,
     states: Array,
     jacobian: Callable[[Array], Array],
     function: Callable[[Array], Array],
@@ -143,7 +143,7 @@ def _compared(
         if wrong.any():
             row, column = (int(i) for i in np.argwhere(wrong)[0])
             yield (
-                f"{name} is not the derivative of {of}: entry {row}, {column} is {stated[row, column]:.6g}, "
+                f"{name} is not the derivative of {of_function}: entry {row}, {column} is {stated[row, column]:.6g}, "
                 f"by finite differences {wanted[row, column]:.6g}"
             )
             return

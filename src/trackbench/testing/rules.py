@@ -1,4 +1,4 @@
-"""The rules of the contract of trackers, each a test of the tracks that fresh trackers report on synthetic drives."""
+"""The rules of the trackers' contract, each a test of fresh trackers on synthetic drives."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from trackbench.trackers.answers import (
 Identities = Literal["known", "hidden"]
 Make = Callable[[], Tracker]
 Rule = Callable[[Make], object]
-#: So many scans show whether a tracker is of one object or of several.
+#: Number of scans that show whether a tracker is of one object or of several.
 TRIED = 20
-#: A tracker of a target in plain sight that is further off than this has not followed it, m and m/s.
+#: Error above which a tracker has lost a target in plain sight, m and m/s.
 LOST = 5.0
-#: The rule of trackers that are given their state.
+#: Rule for trackers whose state is passed to them, which programs keep themselves.
 STATE_KEPT = "leaves the state that it is given as it is"
 OF_OTHER_KIND: Mapping[Identities, str] = {
     "known": 'it follows several objects: say identities="hidden"',
@@ -41,17 +41,16 @@ OF_OTHER_KIND: Mapping[Identities, str] = {
 
 
 class TrackerCheckError(AssertionError):
-    """A tracker does not keep the contract; the text lists every broken rule."""
+    """Breach of the trackers' contract; the text lists every broken rule."""
 
 
 def require_identities(identities: str) -> None:
-    """Refuse what is neither of the two."""
     if identities not in OF_OTHER_KIND:
         raise InputError(f"{identities!r} is not known; {nearest_choices(identities, OF_OTHER_KIND)}", key="identities")
 
 
 def gives_reports(reports: Callable[[], Iterable[bool]]) -> bool:
-    """Return whether a tracker bears some scans and says something, given whether it does after each of them."""
+    """Return whether a tracker survives some scans and ever reports; ``reports`` yields whether it reports at each."""
     try:
         return any(list(islice(reports(), TRIED)))
     except (Exception, SystemExit):
@@ -59,31 +58,31 @@ def gives_reports(reports: Callable[[], Iterable[bool]]) -> bool:
 
 
 class Kind(NamedTuple):
-    """Drives and answers of the trackers of one object, or of those of several."""
+    """Drives and answers of trackers of one object, or of trackers of several objects."""
 
     noun: str
-    """Word for the answer."""
+    """Word for an answer in messages."""
     drive: Callable[..., list[Scan]]
-    """Scans of one run, by the seed."""
+    """Function that makes the scans of one run from a seed."""
     truth: Callable[[float], Array]
-    """``(4, objects)`` states of the targets of seed 0 at a time."""
+    """Function that returns the true states of seed 0 at a time, ``(4, objects)``."""
     tracks: Callable[[Any, Scan], list[Tracks]]
-    """Checks an answer, and gives the tracks of each run."""
+    """Function that checks an answer and returns the tracks of each run."""
 
 
 def _estimates_as_tracks(answer: Any, scan: Scan) -> list[Tracks]:
-    """Return the estimate of each run as a track 0, and no track where it has none yet, of which a batch has NaN."""
+    """Return the estimate of each run as track 0; no track for a run without an estimate, which is NaN in a batch."""
     estimate, runs = checked_estimate(answer, scan), scan.valid.size
     if estimate is None:
         return [_track(np.zeros((4, 0)), np.zeros((4, 4, 0)))] * runs
     mean, covariance = estimate.mean.reshape(4, runs), estimate.covariance.reshape(4, 4, runs)
-    there = np.atleast_1d(~np.isnan(mean).any(axis=0) | (np.ndim(scan.valid) == 0))
-    if not np.isfinite(mean[:, there].sum() + covariance[:, :, there].sum()):
+    has_estimate = np.atleast_1d(~np.isnan(mean).any(axis=0) | (np.ndim(scan.valid) == 0))
+    if not np.isfinite(mean[:, has_estimate].sum() + covariance[:, :, has_estimate].sum()):
         raise TrackerFault(f"{NOT_FINITE} at {scan.time:g} s")
-    if not np.all(linalg.cholesky(covariance[:, :, there]).positive):
+    if not np.all(linalg.cholesky(covariance[:, :, has_estimate]).positive):
         raise TrackerFault(f"{NOT_DEFINITE} at {scan.time:g} s")
-    every = [slice(run, run + int(there[run])) for run in range(runs)]
-    return [_track(mean[:, run], covariance[:, :, run]) for run in every]
+    slices = [slice(run, run + int(has_estimate[run])) for run in range(runs)]
+    return [_track(mean[:, run], covariance[:, :, run]) for run in slices]
 
 
 def _track(mean: Array, covariance: Array) -> Tracks:
@@ -100,11 +99,11 @@ SEVERAL = Kind(TRACKS, hidden_drive, cars_at, _tracks_of_runs)
 
 
 def reports(kind: Kind, make: Make, *drives: Sequence[Scan]) -> Iterator[list[Tracks]]:
-    """Yield the tracks of each run that a fresh tracker reports after each instant; ``drives`` are those of a batch."""
+    """Yield the tracks of each run that a fresh tracker reports at each instant; several ``drives`` are one batch."""
     tracker, state, before = make(), None, [0] * len(drives)
     for scans in zip(*drives, strict=True):
         state, tracks = _step(kind, tracker, state, scans)
-        numbers = [len(of_run.ids) for of_run in tracks]
+        numbers = [len(run.ids) for run in tracks]
         if kind is ONE and any(np.less(numbers, before)):
             raise TrackerFault(f"{GIVEN_UP} ({scans[0].time:g} s)")
         yield tracks
@@ -118,7 +117,7 @@ def _step(kind: Kind, tracker: Tracker, state: Any, scans: Sequence[Scan]) -> tu
 
 
 def answers(kind: Kind, make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
-    """Yield the tracks that a fresh tracker reports after each scan of one run."""
+    """Yield the tracks that a fresh tracker reports at each scan of one run."""
     return (tracks for [tracks] in reports(kind, make, scans))
 
 
@@ -126,7 +125,7 @@ def _is_same(a: Tracks, b: Tracks) -> bool:
     return np.array_equal(a.ids, b.ids) and np.array_equal(a.mean, b.mean, equal_nan=True)
 
 
-def _bears(kind: Kind, scans: Callable[[], list[Scan]]) -> Rule:
+def _survives(kind: Kind, scans: Callable[[], list[Scan]]) -> Rule:
     return lambda make: list(answers(kind, make, scans()))
 
 
@@ -141,12 +140,12 @@ def _follows(kind: Kind, **changes: Any) -> Rule:
         pairs = [pair for pair in zip(scans, answers(kind, make, scans), strict=True) if len(pair[1].ids)]
         if not pairs:
             raise TrackerCheckError(f"{len(scans)} scans of targets in plain sight give no {kind.noun}")
-        # Each (time, 4, objects): what the track nearest to each object is off.
-        errors = np.array([_nearest(tracks, kind.truth(scan.time)) for scan, tracks in pairs])
+        # (instants, 4, objects): error of the track nearest to each object.
+        errors = np.array([_nearest_errors(tracks, kind.truth(scan.time)) for scan, tracks in pairs])
         error = float(np.hypot(*errors[-1, :2]).max())
         if not error < LOST or pairs[-1][0] is not scans[-1]:
             raise TrackerCheckError(f"after {len(scans)} scans it is {error:.1f} m off a target in plain sight")
-        # On average: the differences of measurements that a tracker without a filter gives are noisy, but not biased.
+        # A mean, since the velocity of a tracker without a filter is a noisy but unbiased difference of measurements.
         bias = float(np.hypot(*errors[len(errors) // 2 :, 2:].mean(axis=0)).max())
         if not bias < LOST:
             raise TrackerCheckError(f"the velocity is {bias:.1f} m/s off that of a target in plain sight, on average")
@@ -154,8 +153,8 @@ def _follows(kind: Kind, **changes: Any) -> Rule:
     return test
 
 
-def _nearest(tracks: Tracks, truth: Array) -> Array:
-    """``(4, objects)`` error of the track that is nearest to each object."""
+def _nearest_errors(tracks: Tracks, truth: Array) -> Array:
+    """Return the error of the track nearest to each object, ``(4, objects)``."""
     errors = tracks.mean[:, :, None] - truth[:, None, :]
     nearest = np.hypot(*errors[:2]).argmin(axis=0)
     return errors[:, nearest, np.arange(truth.shape[1])]
@@ -202,12 +201,12 @@ def _batch_is_loop(kind: Kind, drives: Callable[[], list[list[Scan]]]) -> Rule:
             return
         together = list(reports(kind, make, *drives()))
         for run, scans in enumerate(drives()):
-            # A tracker of one object begins with its first detection.
+            # Alone, a tracker of one object begins with its first detection.
             alone = list(answers(kind, make, list(dropwhile(lambda scan: not scan.valid.any(), scans))))
-            for of_batch, b in zip(together[-len(alone) :], alone, strict=True):
-                a = of_batch[run]
+            for batch, b in zip(together[-len(alone) :], alone, strict=True):
+                a = batch[run]
                 if not (np.array_equal(a.ids, b.ids) and np.allclose(a.mean, b.mean, rtol=1e-9, atol=1e-9)):
-                    raise TrackerCheckError(f"run {run} of a batch of {len(of_batch)} has another answer than alone")
+                    raise TrackerCheckError(f"run {run} of a batch of {len(batch)} has another answer than alone")
 
     return test
 
@@ -217,7 +216,7 @@ def _emptied(scan: Scan) -> Scan:
 
 
 def _with_gaps(*gaps: range) -> list[Scan]:
-    """Return a drive with false alarms and misses, some scans of which are empty."""
+    """Return a drive with false alarms and misses, and with empty scans in the gaps."""
     return [
         _emptied(scan) if any(number in gap for gap in gaps) else scan
         for number, scan in enumerate(hidden_drive(clutter=1.0, probability=0.9))
@@ -250,7 +249,7 @@ def _order_means_nothing(make: Make) -> None:
 
 
 def _never_reuses(make: Make) -> None:
-    """Refuse an id that comes back elsewhere than where the velocity of its track takes it."""
+    """Refuse an id that returns at a position that its track cannot have reached."""
     latest: dict[int, tuple[float, Array]] = {}
     before: set[int] = set()
     scans = _with_gaps(range(40, 80))
@@ -264,24 +263,24 @@ def _never_reuses(make: Make) -> None:
         before = set(reported)
 
 
-#: The rules of each kind of trackers; the second ones compare two answers to the same, and not of random trackers.
+#: Rules of each kind of trackers; the second group compares two answers to equal scans, which random trackers skip.
 RULES: Mapping[Identities, tuple[dict[str, Rule], dict[str, Rule]]] = {
     "known": (
         {
             "gives estimates of the right shape, finite, with a positive definite covariance": _gives_estimates,
             "follows a target in plain sight": _follows(ONE),
             "follows it from a sensor that moves": _follows(ONE, velocity=(-10.0, -8.0)),
-            "goes on through missed measurements": _bears(
+            "goes on through missed measurements": _survives(
                 ONE, lambda: usual_drive(missed=[1, 5, 6, 30, *range(60, 90)])
             ),
-            "takes two sensors at the same instant": _bears(
+            "takes two sensors at the same instant": _survives(
                 ONE, lambda: drive(["lidar", "radar"] * 40, [0.1 * (i // 2) for i in range(80)])
             ),
-            "takes uneven time steps": _bears(
+            "takes uneven time steps": _survives(
                 ONE, lambda: drive(["radar", "lidar"] * 20, [0.01 * i**1.7 for i in range(40)])
             ),
-            "works with lidar alone": _bears(ONE, lambda: drive(["lidar"] * 60, [0.05 * i for i in range(60)])),
-            "works with radar alone": _bears(ONE, lambda: drive(["radar"] * 60, [0.05 * i for i in range(60)])),
+            "works with lidar alone": _survives(ONE, lambda: drive(["lidar"] * 60, [0.05 * i for i in range(60)])),
+            "works with radar alone": _survives(ONE, lambda: drive(["radar"] * 60, [0.05 * i for i in range(60)])),
         },
         {
             "gives the same estimates every time": _is_deterministic(ONE),
@@ -296,7 +295,7 @@ RULES: Mapping[Identities, tuple[dict[str, Rule], dict[str, Rule]]] = {
         {
             "gives tracks of the right form, and follows two cars in plain sight": _follows(SEVERAL),
             "follows them through missed detections and false alarms": _follows(SEVERAL, clutter=1.0, probability=0.9),
-            "takes scans without a detection": _bears(SEVERAL, lambda: _with_gaps(range(10), range(60, 80))),
+            "takes scans without a detection": _survives(SEVERAL, lambda: _with_gaps(range(10), range(60, 80))),
             "predicts its tracks to scans without a detection": _predicts_to_empty_scans,
             "uses no id again": _never_reuses,
         },

@@ -1,4 +1,4 @@
-"""The check-up of a tracker on short synthetic drives."""
+"""The check of a tracker on short synthetic drives."""
 
 from __future__ import annotations
 
@@ -36,39 +36,39 @@ from trackbench.trackers.published import create
 
 @dataclass(frozen=True)
 class Check:
-    """One rule and whether the tracker keeps it."""
+    """Rule of the contract, and whether the tracker keeps it."""
 
     rule: str
     problem: str | None
-    """None where it is kept."""
+    """Description of the breach; None for a rule that is kept."""
 
 
 def check_tracker(
     use: str | Mapping[str, Any] | Callable[..., Any], *, identities: Identities = "known", **options: Any
 ) -> list[Check]:
-    """Try a tracker on short synthetic drives, as the bench would use it.
+    """Check a tracker on short synthetic drives, used as in the bench.
 
     Args:
-        use: its class, a published name or ``"module:Class"``; of a program ``{"command": ["./my_tracker"]}``, as
-            a scenario in the working directory names it.
-        identities: ``hidden`` for a tracker of several objects, whose detections say nothing of their origin.
-        options: what a scenario would give it.
+        use: class of the tracker, a published name or ``"module:Class"``; for a program ``{"command":
+            ["./my_tracker"]}``, with a path from the working directory.
+        identities: ``hidden`` for a tracker of several objects, ``known`` for one object.
+        options: options that a scenario would set.
 
     Returns:
-        Every rule, all of them kept; of a tracker that draws random numbers (``random = True``) those that this allows.
+        The rules, all kept; for a tracker with ``random = True`` only the rules that allow random answers.
 
     Raises:
-        TrackerCheckError: rules are broken; says which and how.
-        InputError: the tracker cannot be imported or started, or ``identities`` is another word.
+        TrackerCheckError: a rule is broken; the text lists all broken rules.
+        InputError: the tracker cannot be imported or started, or ``identities`` is invalid.
     """
     require_identities(identities)
     with ExitStack() as programs:
         make = _maker(use, identities, options, programs)
         rules, repeating = RULES[identities]
         chosen = rules if _draws(make) else rules | repeating
-        # The state of a program is in the program, which is not given one.
-        kept_there = STATE_KEPT if isinstance(use, Mapping) else None
-        checks = [Check(rule, _problem(test, make)) for rule, test in chosen.items() if rule != kept_there]
+        # A program keeps its state itself, so that the rule on a passed state does not apply.
+        skipped_rule = STATE_KEPT if isinstance(use, Mapping) else None
+        checks = [Check(rule, _problem(test, make)) for rule, test in chosen.items() if rule != skipped_rule]
         broken: dict[str, list[str]] = {}
         for check in checks:
             if check.problem:
@@ -76,7 +76,7 @@ def check_tracker(
         if broken and _is_of_other_kind(make, identities):
             raise TrackerCheckError(OF_OTHER_KIND[identities])
     if broken:
-        # A cause that breaks several rules is told once.
+        # A problem that breaks several rules has one line.
         lines = [f"- {'; '.join(names)}: {problem}" for problem, names in broken.items()]
         raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(lines))
     return checks
@@ -88,7 +88,7 @@ def _maker(
     options: dict[str, Any],
     programs: ExitStack,
 ) -> Make:
-    """Return what makes fresh trackers; a program that serves them ends with ``programs``."""
+    """Return the function that makes fresh trackers; a program behind them ends with ``programs``."""
     if callable(use):
         return partial(use, **options)
     try:
@@ -116,8 +116,8 @@ def _is_of_other_kind(make: Make, identities: Identities) -> bool:
     def answers_of(kind: Any) -> Iterator[bool]:
         return (len(tracks.ids) > 0 for tracks in answers(kind, make, kind.drive()))
 
-    own, other = (ONE, SEVERAL) if identities == "known" else (SEVERAL, ONE)
-    return not gives_reports(lambda: answers_of(own)) and gives_reports(lambda: answers_of(other))
+    stated, other = (ONE, SEVERAL) if identities == "known" else (SEVERAL, ONE)
+    return not gives_reports(lambda: answers_of(stated)) and gives_reports(lambda: answers_of(other))
 
 
 def _problem(test: Rule, make: Make) -> str | None:
