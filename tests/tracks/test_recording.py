@@ -91,7 +91,7 @@ def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
 
 def test_of_a_long_run_the_costliest_events_are_drawn(traffic_result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thinning, "MOST", 20)
-    drawn = thinning.instants(thinning.thinned(traffic_result))
+    drawn = thinning.instants(thinning.thin_tables(traffic_result))
     assert 20 <= len(drawn) < len(thinning.instants(traffic_result.tables))
     costly = [event.time_s for event in costly_events(traffic_result, None, None)[: thinning.WORST]]
     assert costly

@@ -113,7 +113,7 @@ def tuned_scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]
 
 
 def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: Path, command: str) -> list[Path]:
-    """Write all files, each whole or not at all; return their paths, those of the scenarios last.
+    """Write all files, each whole or not at all; return their paths, with the scenarios last.
 
     Raises:
         OutputError: a file cannot be written.
