@@ -1,1 +1,1 @@
-"""What a user comes for beside a run: each package is one subject, whole, and knows no other."""
+"""The subjects: each package is one task beside a run, complete, and independent of all other subjects."""

@@ -56,7 +56,7 @@ def diff_command(before: Path, after: Path, junit: Path | None, as_json: bool) -
       trackbench envelope diff before/highway-envelope after/highway-envelope
 
     \b
-    Exit status: 0 no cell is lost, 1 a cell is lost, 2 bad input or not comparable,
+    Exit status: 0 no cell lost, 1 a cell lost, 2 bad input or not comparable,
     4 cannot write
     """
     from trackbench.subjects.envelope.claim import read_envelope

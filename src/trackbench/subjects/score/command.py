@@ -34,7 +34,7 @@ from trackbench.cli.terminal import quiet_option
 )
 @click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="Limit: gospa:0.8, or relative gospa:2%.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
-@out_option("Folder for the result's folder.", "results")
+@out_option("The result's folder is made in it.", "results")
 @artifact_options
 @junit_option("Write the gates as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result and its gates as JSON, and nothing else.")
