@@ -16,7 +16,7 @@ from tests.support.udacity import telemetry
 from trackbench.driving.isolation import Isolation
 from trackbench.results import Result, json_text
 from trackbench.scenario import load_scenario
-from trackbench.subjects.serve.session import Client, TrackerFailed, served
+from trackbench.subjects.serve.session import Client, TrackerError, load_served
 
 TIMEOUT = 3.0
 
@@ -246,8 +246,8 @@ def test_the_server(tmp_path: Path, write_module: Any) -> None:
     file.write_text(text, encoding="utf-8")
     loaded = load_scenario(file)
     for _ in range(2):
-        client = Client(served(loaded, "mine"), "client 1")
-        with pytest.raises(TrackerFailed, match=r"^at measurement 1: its process ended itself, with status 0 \("):
+        client = Client(load_served(loaded, "mine"), "client 1")
+        with pytest.raises(TrackerError, match=r"^at measurement 1: its process ended itself, with status 0 \("):
             client.answer(telemetry("L\t1\t1\t0\t1\t1\t0\t0"))
 
 

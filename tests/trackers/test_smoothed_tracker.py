@@ -12,7 +12,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.report.tables import ranking_table
 from trackbench.subjects.doctor.subject import find_tracker
-from trackbench.subjects.serve.session import served
+from trackbench.subjects.serve.session import load_served
 from trackbench.trackers.filtered import SmoothedTracker
 
 IMM = {"imm": [{"model": "cv", **NOISE["cv"]}, {"model": "ctrv", **NOISE["ctrv"]}], "stay_s": [3, 2]}
@@ -91,7 +91,7 @@ def test_what_needs_a_tracker_that_works_step_by_step_says_so(tmp_path):
     sensors = {"lidar": {"type": "lidar", "rate_hz": 20, "position_sigma_m": 0.15}}
     scenario = tb.load(OWN_MODEL, {"trackers.ekf.smoother": "rts", "sensors": sensors, "expect": []}, trackers=["ekf"])
     with pytest.raises(InputError, match="needs all measurements of a run"):
-        served(scenario, "ekf")
+        load_served(scenario, "ekf")
     path = tmp_path / "scenario.yaml"
     path.write_text(scenario.text.replace("ekf: {", "ekf: {smoother: rts, "))
     with pytest.raises(InputError, match="needs all measurements of a run"):

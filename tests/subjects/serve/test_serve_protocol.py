@@ -19,7 +19,7 @@ from trackbench.subjects.serve.protocol import (
     estimate_marker,
     parse,
 )
-from trackbench.subjects.serve.session import Client, TrackerFailed, served
+from trackbench.subjects.serve.session import Client, TrackerError, load_served
 from trackbench.truth.recorded.udacity import Measurement
 
 LINE = "L\t3.122427e-01\t5.803398e-01\t1477010443000000\t6e-01\t6e-01\t5.199937e+00\t0"
@@ -34,7 +34,7 @@ def scenario(tmp_path, monkeypatch):
 
 @pytest.fixture
 def client(scenario):
-    return lambda name: Client(served(scenario, name), "client 1")
+    return lambda name: Client(load_served(scenario, name), "client 1")
 
 
 def fields(answer: str) -> dict[str, float]:
@@ -148,7 +148,7 @@ def test_a_sensor_that_the_scenario_lacks_is_passed_over(tmp_path):
     file = write_scenario(tmp_path)
     text = [line for line in file.read_text().splitlines() if not line.startswith("  radar:")]
     file.write_text("\n".join(text))
-    asked = Client(served(load_scenario(file), "ekf"), "client 1")
+    asked = Client(load_served(load_scenario(file), "ekf"), "client 1")
     answers = [asked.answer(telemetry(line)) for line in LINES]
     assert [answer == MANUAL for answer in answers] == [line[0] == "R" for line in LINES]
 
@@ -174,14 +174,14 @@ def test_an_absurd_time_ends_the_session_and_not_more(client):
         late[3] = stamp
         try:
             answer = asked.answer(telemetry("\t".join(late)))
-        except TrackerFailed:
+        except TrackerError:
             continue
         assert answer == MANUAL or all(math.isfinite(value) for value in fields(answer).values())
 
 
 def test_a_tracker_that_starts_from_the_truth_cannot_be_served(scenario):
     with pytest.raises(InputError, match=r"cyclist\.yaml:\d+: trackers\.cheat: starts from the truth"):
-        served(scenario, "cheat")
+        load_served(scenario, "cheat")
 
 
 def test_two_lidars_are_one_too_many():
@@ -190,4 +190,4 @@ def test_two_lidars_are_one_too_many():
         ["sensors.roof={type: lidar, rate_hz: 10, position_sigma_m: 1}"],
     )
     with pytest.raises(InputError, match=r"sensors\.roof: a second lidar beside lidar"):
-        served(loaded, "ekf")
+        load_served(loaded, "ekf")
