@@ -135,15 +135,15 @@ def _compare(
     angular: tuple[int, ...] = (),
 ) -> Iterator[str]:
     for x in states.T:
-        stated, wanted = np.asarray(jacobian(x)), derivative(function, x, angular)
-        if stated.shape != wanted.shape:
-            yield f"{name} has the shape {stated.shape}, not {wanted.shape}"
+        stated, expected = np.asarray(jacobian(x)), derivative(function, x, angular)
+        if stated.shape != expected.shape:
+            yield f"{name} has the shape {stated.shape}, not {expected.shape}"
             return
-        wrong = np.abs(stated - wanted) > CLOSE * (1.0 + np.abs(wanted))
+        wrong = np.abs(stated - expected) > CLOSE * (1.0 + np.abs(expected))
         if wrong.any():
             row, column = (int(i) for i in np.argwhere(wrong)[0])
             yield (
                 f"{name} is not the derivative of {of_function}: entry {row}, {column} is {stated[row, column]:.6g}, "
-                f"by finite differences {wanted[row, column]:.6g}"
+                f"by finite differences {expected[row, column]:.6g}"
             )
             return

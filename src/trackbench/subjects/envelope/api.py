@@ -107,7 +107,7 @@ def envelope_of(envelope_map: EnvelopeMap, command: str) -> Envelope:
                 point=list(cell.point),
                 changes=overrides(task.axes, cell.point),
                 added=cell.added,
-                measurements=[each.hex()[:16] for each in cell.measurements],
+                measurements=[digest.hex()[:16] for digest in cell.measurements],
                 trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
             )
             for cell in cells

@@ -204,8 +204,8 @@ def work_of_cell(
         InputError: a requirement is on a metric that has no interval.
     """
     work = work_of(loaded, truths, isolation, engine)
-    wanted = {item.metric for item in requirements}
-    metrics = [metric for metric in work.metrics if wanted & _paths(metric, work)]
+    required = {item.metric for item in requirements}
+    metrics = [metric for metric in work.metrics if required & _paths(metric, work)]
     paths = frozenset[str]().union(*(_paths(metric, work) for metric in metrics))
     for number, item in enumerate(loaded.config.expect):
         if item.metric not in paths:

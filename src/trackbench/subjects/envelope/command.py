@@ -124,8 +124,8 @@ def envelope_command(
         require_file(junit, "--junit")
     store = looks_of(name, out)
     output = RunOutput(as_json, quiet)
-    kept = f"the runs so far are kept; the same command goes on from {store}"
-    with executor(workers, cluster) as chosen, if_interrupted(kept):
+    resumption = f"the runs so far are kept; the same command goes on from {store}"
+    with executor(workers, cluster) as chosen, if_interrupted(resumption):
         plan = EnvelopePlan(isolation, engine, store, counter_examples)
         envelope = make_envelope(loaded, plan, chosen, output)
     folder = save_envelope(envelope, out, not no_recording)

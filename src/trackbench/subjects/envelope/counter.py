@@ -73,11 +73,13 @@ def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> l
     ).reshape(len(failing), len(claim.axes))
     failing_cells: dict[tuple[str, str], FailingCell] = {}
     for number, distances in zip(failing, away, strict=True):
-        place = int(np.argmax(distances))
-        if distances[place] == 0 or np.any((away <= distances).all(axis=1) & (away[:, place] < distances[place])):
+        furthest = int(np.argmax(distances))
+        if distances[furthest] == 0 or np.any(
+            (away <= distances).all(axis=1) & (away[:, furthest] < distances[furthest])
+        ):
             continue
-        axis, cell = claim.axes[place], claim.cells[number]
-        side, length = _side(base.at[place], cell.at[place]), point_distance(claim.axes, base.at, cell.at)
+        axis, cell = claim.axes[furthest], claim.cells[number]
+        side, length = _side(base.at[furthest], cell.at[furthest]), point_distance(claim.axes, base.at, cell.at)
         if (axis.name, side) not in failing_cells or length < failing_cells[axis.name, side].distance:
             failing_cells[axis.name, side] = FailingCell(base.tracker, axis.name, side, number, length)
     nearest = sorted(failing_cells.values(), key=lambda failing: failing.distance)

@@ -62,11 +62,11 @@ def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
 
     Axes of choices give one line for each combination of choices.
     """
-    every = []
+    result = []
     for number, axis in enumerate(claim.axes):
         if axis.ordered:
-            every += [margin_on(claim, tracker, number, line) for line in lines_near_base(claim, number)]
-    return every
+            result += [margin_on(claim, tracker, number, line) for line in lines_near_base(claim, number)]
+    return result
 
 
 def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> AxisMargin:

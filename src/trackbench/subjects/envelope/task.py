@@ -44,9 +44,9 @@ def _own_value(loaded: Scenario, axis: MapAxis) -> Value | None:
         if isinstance(number, bool) or not isinstance(number, int | float):
             return None
         numbers.append(link.value(number))
-    alike = bool(numbers) and max(numbers) - min(numbers) <= 1e-9 * max(map(abs, numbers))
+    agree = bool(numbers) and max(numbers) - min(numbers) <= 1e-9 * max(map(abs, numbers))
     # Rounded, since the keys are linked by rounded factors.
-    return float(f"{numbers[0]:.12g}") if alike else None
+    return float(f"{numbers[0]:.12g}") if agree else None
 
 
 def _is_set(loaded: Scenario, changes: Mapping[str, Any]) -> bool:

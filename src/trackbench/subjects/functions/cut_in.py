@@ -32,12 +32,14 @@ class CutIn(Function):
     ttc_s: NonNegative = Field(3.0, description="A shorter time to collision is too near, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
-        place = on_path(ego, objects)
-        by_headway, by_time = self.headway_s * ego.speed, self.ttc_s * (ego.speed - place.speed)
+        positions = on_path(ego, objects)
+        by_headway, by_time = self.headway_s * ego.speed, self.ttc_s * (ego.speed - positions.speed)
         by_speed = np.where(by_time > by_headway, -self.ttc_s, 0.0)
-        margin = np.maximum(by_headway, by_time) - place.gap
-        too_near = probability_positive(margin, place.variance((-1.0, 0.0, by_speed, 0.0)))
-        beside = objects.there & (place.along > 0) & (place.probability_within() <= 0.5)
-        entry = time_until(np.abs(place.across) - place.widths, -np.sign(place.across) * place.lateral_speed)
-        coming = place.probability_within(after=HORIZON_S)
+        margin = np.maximum(by_headway, by_time) - positions.gap
+        too_near = probability_positive(margin, positions.variance((-1.0, 0.0, by_speed, 0.0)))
+        beside = objects.there & (positions.along > 0) & (positions.probability_within() <= 0.5)
+        entry = time_until(
+            np.abs(positions.across) - positions.widths, -np.sign(positions.across) * positions.lateral_speed
+        )
+        coming = positions.probability_within(after=HORIZON_S)
         return decision(beside & (coming > 0.5), beside * coming * too_near, self.probability, entry, entry)

@@ -33,11 +33,11 @@ class EmergencyBraking(Function):
     deceleration_mps2: Positive = Field(6.0, description="Required deceleration above which it brakes, m/s^2.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
-        place = on_path(ego, objects)
-        closing, gap, within = ego.speed - place.speed, place.gap, place.probability_within()
+        positions = on_path(ego, objects)
+        closing, gap, within = ego.speed - positions.speed, positions.gap, positions.probability_within()
         margin = closing * np.abs(closing) - 2.0 * self.deceleration_mps2 * gap
-        variance = place.variance((-2.0 * self.deceleration_mps2, 0.0, -2.0 * np.abs(closing), 0.0))
-        ahead = objects.there & (place.along > 0)
+        variance = positions.variance((-2.0 * self.deceleration_mps2, 0.0, -2.0 * np.abs(closing), 0.0))
+        ahead = objects.there & (positions.along > 0)
         required = required_deceleration(closing, gap)
         probability = ahead * within * probability_positive(margin, variance)
         return decision(ahead & (within > 0.5) & (closing > 0), probability, self.probability, -required, required)

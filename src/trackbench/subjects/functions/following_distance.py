@@ -29,10 +29,10 @@ class FollowingDistance(Function):
     range_m: Positive = Field(150.0, description="Largest gap of a lead, m.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
-        place = on_path(ego, objects)
-        gap, within = place.gap, place.probability_within()
-        too_near = probability_positive(ego.speed * self.headway_s - gap, place.variance((-1.0, 0.0, 0.0, 0.0)))
-        ahead = objects.there & (place.along > 0) & (gap <= self.range_m)
+        positions = on_path(ego, objects)
+        gap, within = positions.gap, positions.probability_within()
+        too_near = probability_positive(ego.speed * self.headway_s - gap, positions.variance((-1.0, 0.0, 0.0, 0.0)))
+        ahead = objects.there & (positions.along > 0) & (gap <= self.range_m)
         possible = ahead & (within > self.probability)
         headway = time_until(gap, ego.speed)
         return decision(possible, ahead * within * too_near, self.probability, gap, headway)

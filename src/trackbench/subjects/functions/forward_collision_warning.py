@@ -26,10 +26,10 @@ class ForwardCollisionWarning(Function):
     ttc_s: Positive = Field(2.4, description="Time to collision below which it warns, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
-        place = on_path(ego, objects)
-        closing, gap, within = ego.speed - place.speed, place.gap, place.probability_within()
-        too_short = probability_positive(closing * self.ttc_s - gap, place.variance((-1.0, 0.0, -self.ttc_s, 0.0)))
-        ahead = objects.there & (place.along > 0)
+        positions = on_path(ego, objects)
+        closing, gap, within = ego.speed - positions.speed, positions.gap, positions.probability_within()
+        too_short = probability_positive(closing * self.ttc_s - gap, positions.variance((-1.0, 0.0, -self.ttc_s, 0.0)))
+        ahead = objects.there & (positions.along > 0)
         ttc = time_until(gap, closing)
         possible = ahead & (within > 0.5) & (closing > 0)
         return decision(possible, ahead * within * too_short, self.probability, ttc, ttc)

@@ -40,17 +40,17 @@ class LaneChange(Function):
     headway_s: NonNegative = Field(1.0, description="Time gap that must remain between the two, s.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
-        place = on_path(ego, objects)
-        within = place.probability_within(LANE_WIDTH_M if self.side == "left" else -LANE_WIDTH_M)
-        closing, gap = np.maximum(place.speed - ego.speed, 0.0), -place.along - place.lengths
-        left = gap - ego.speed * self.headway_s - closing * REACTION_S
-        margin = closing**2 / (2.0 * self.deceleration_mps2) - left
+        positions = on_path(ego, objects)
+        within = positions.probability_within(LANE_WIDTH_M if self.side == "left" else -LANE_WIDTH_M)
+        closing, gap = np.maximum(positions.speed - ego.speed, 0.0), -positions.along - positions.lengths
+        braking_way = gap - ego.speed * self.headway_s - closing * REACTION_S
+        margin = closing**2 / (2.0 * self.deceleration_mps2) - braking_way
         approaches = closing > 0
         by_speed = approaches * (REACTION_S + closing / self.deceleration_mps2)
-        too_near = probability_positive(margin, place.variance((1.0, 0.0, by_speed, 0.0)))
-        closes = probability_positive(place.speed - ego.speed, place.variance((0.0, 0.0, 1.0, 0.0)))
-        beside = probability_positive(-gap, place.variance((1.0, 0.0, 0.0, 0.0)))
+        too_near = probability_positive(margin, positions.variance((1.0, 0.0, by_speed, 0.0)))
+        closes = probability_positive(positions.speed - ego.speed, positions.variance((0.0, 0.0, 1.0, 0.0)))
+        beside = probability_positive(-gap, positions.variance((1.0, 0.0, 0.0, 0.0)))
         critical = np.maximum(beside, np.minimum(too_near, closes))
-        behind = objects.there & (place.along < place.lengths)
-        required = np.where(gap > 0, required_deceleration(closing, left), np.nan)
+        behind = objects.there & (positions.along < positions.lengths)
+        required = np.where(gap > 0, required_deceleration(closing, braking_way), np.nan)
         return decision(behind & (within > 0.5), behind * within * critical, self.probability, -margin, required)

@@ -135,12 +135,12 @@ def smallest_delays(result: Result) -> Iterator[str]:
         errors = {name: value for name, value in contenders if value is not None}
         if label in expected and errors:
             names, values = zip(*_not_shown_worse(result, f"warn_error.{label}", errors), strict=True)
-            of = "all trackers" if len(names) == len(contenders) > 1 else some_names(names)
+            who = "all trackers" if len(names) == len(contenders) > 1 else some_names(names)
             ends = dict.fromkeys(rounded(end, decimals(values[:1], 2)) for end in (values[0], values[-1]))
             unlike = ", not shown to differ" if values[0] < values[-1] else ""
-            closest.setdefault((of, unlike), []).append(f"{' to '.join(ends)} s ({label})")
+            closest.setdefault((who, unlike), []).append(f"{' to '.join(ends)} s ({label})")
     if closest:
-        texts = [f"{of} {joined_names(delays)}{unlike}" for (of, unlike), delays in closest.items()]
+        texts = [f"{who} {joined_names(delays)}{unlike}" for (who, unlike), delays in closest.items()]
         yield f"smallest RMS delay: {', '.join(texts)}"
 
 

@@ -278,8 +278,8 @@ def _true_objects(state: Array, there: Mask, bodies: EgoScene) -> tuple[Objects,
     """Return the true objects, and where one overlaps the ego ``(instants, runs or 1)``."""
     length, width = bodies.length[:, None, None], bodies.width[:, None, None]
     objects = Objects(state, np.zeros((4, *state.shape)), there, length, width)
-    place = on_path(bodies.ego.each((slice(None), None)), objects)
-    touches = there & (np.abs(place.along) < place.lengths) & (np.abs(place.across) < place.widths)
+    positions = on_path(bodies.ego.each((slice(None), None)), objects)
+    touches = there & (np.abs(positions.along) < positions.lengths) & (np.abs(positions.across) < positions.widths)
     return objects, np.asarray(touches.any(axis=0))
 
 

@@ -146,10 +146,10 @@ def _identifiable(
         if size[i] < 1e-9 * np.sqrt(max(finite.sum(), 1)):
             hidden[names[i]] = ()
             continue
-        share, left = explained_share(cosines, i, chosen)
-        if names[i] == BODY_POINT and left >= LEAST_INFORMATION and not with_body_point:
+        share, remaining = explained_share(cosines, i, chosen)
+        if names[i] == BODY_POINT and remaining >= LEAST_INFORMATION and not with_body_point:
             continue
-        if left < LEAST_INFORMATION:
+        if remaining < LEAST_INFORMATION:
             strong = np.abs(share) > 0.2 * np.abs(share).max()
             hidden[names[i]] = tuple(names[j] for j, by in zip(chosen, strong, strict=True) if by)
         else:

@@ -55,12 +55,12 @@ class ResidualNoise:
 def residual_noises(log: SensorLog, fit: JointFit) -> tuple[ResidualNoise, ...]:
     """Return the noise of each component."""
     distance = log.polar(log.log.time, log.log.object, fit.errors)[0, fit.inlier]
-    every = np.ones(len(distance), dtype=bool)
+    all_rows = np.ones(len(distance), dtype=bool)
     return tuple(
         ResidualNoise(
             name=name,
             unit=log.config.units[i],
-            sigma=_sigma(log, fit, i, every),
+            sigma=_sigma(log, fit, i, all_rows),
             stated=float(log.config.sigmas()[i]),
             bands=_bands(distance, IN_BAND // 2, partial(_sigma, log, fit, i)),
         )

@@ -1,4 +1,4 @@
-"""The part of a log around the largest error of a sensor, as a scene that a page plays."""
+"""The replay of a log around the largest error of a sensor, as a scene for a page."""
 
 from __future__ import annotations
 
@@ -15,47 +15,43 @@ from trackbench.sensing.view import sensor_motion
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 from trackbench.truth.recorded.drive import Motion
 
-#: Time before and after the largest error that is played, s.
+#: Time before and after the largest error that the replay shows, s.
 AROUND_S = 10.0
 _MARGIN_M = 6.0
 
 
 class MeasuredPositions(NamedTuple):
-    """Positions that a sensor measured of known objects."""
+    """Measured positions of labelled objects, and their errors, for one sensor."""
 
     log: SensorLog
     position: Gaussian
-    """``(2, rows)`` m in the fixed frame, with covariance."""
+    """Measured positions in the fixed frame, ``(2, rows)``, m, with covariance."""
     error: Array
-    """``(rows,)`` distance from the truth, m; NaN outside its time."""
+    """Distance from the truth, ``(rows,)``, m; NaN outside the time of the truth."""
 
     @property
     def worst(self) -> tuple[float, float, str]:
-        """Largest error, m, its time, s, and its object."""
+        """Largest error (m), its time (s) and its object."""
         row = int(np.nanargmax(self.error))
         name = [*self.log.drive.motions][int(self.log.log.object[row])]
         return float(self.error[row]), float(self.log.log.time[row]), name
 
 
 def replay_of_log(logs: Iterable[SensorLog]) -> ReplayScene | None:
-    """Return the measured positions of each object beside its true path, opening at the largest error.
+    """Return a scene with the measured positions of each object beside its true path, opening at the largest error.
 
-    Args:
-        logs: of the sensors.
-
-    Returns:
-        None where no sensor has measured a position of an object within the time of the truth.
+    None where no sensor has measured a position of an object within the time of the truth.
     """
     sensors = [measured_positions(log) for log in logs if log.config.measures_position()]
-    sensors = [each for each in sensors if np.isfinite(each.error).any()]
+    sensors = [item for item in sensors if np.isfinite(item.error).any()]
     if not sensors:
         return None
-    _, time, name = max(each.worst for each in sensors)
+    _, time, name = max(item.worst for item in sensors)
     span = time - AROUND_S, time + AROUND_S
-    drive, colours = sensors[0].log.drive, sensor_colours(each.log.name for each in sensors)
-    paths = [*_body("observer", drive.observer, span)] if drive.observer else []
+    drive, colours = sensors[0].log.drive, sensor_colours(item.log.name for item in sensors)
+    paths = [*_body_path("observer", drive.observer, span)] if drive.observer else []
     for vehicle, motion in drive.motions.items():
-        paths += _body(vehicle, motion, span)
+        paths += _body_path(vehicle, motion, span)
     lines, events = list[ChartLine](), list[ReplayEvent]()
     for (log, position, error), (sensor, colour) in zip(sensors, colours.items(), strict=True):
         inside = np.isfinite(error) & (log.log.time >= span[0]) & (log.log.time <= span[1])
@@ -69,8 +65,11 @@ def replay_of_log(logs: Iterable[SensorLog]) -> ReplayScene | None:
             text = f"largest error {error[row]:.2f} m at {log.log.time[row]:.2f} s"
             x, y = position.mean[:, row].tolist()
             events.append(ReplayEvent(sensor, "worst", float(log.log.time[row]), x, y, text))
-    places = np.concatenate([path.position for path in paths], axis=1)
-    (left, bottom), (right, top) = (places.min(axis=1) - _MARGIN_M).tolist(), (places.max(axis=1) + _MARGIN_M).tolist()
+    positions = np.concatenate([path.position for path in paths], axis=1)
+    (left, bottom), (right, top) = (
+        (positions.min(axis=1) - _MARGIN_M).tolist(),
+        (positions.max(axis=1) + _MARGIN_M).tolist(),
+    )
     return ReplayScene(
         "log",
         tuple(paths),
@@ -88,7 +87,7 @@ def replay_of_log(logs: Iterable[SensorLog]) -> ReplayScene | None:
 
 
 def measured_positions(log: SensorLog) -> MeasuredPositions:
-    """Return the positions that a sensor's measurements say, from where the sensor is stated to be."""
+    """Return the positions that a sensor measured, converted with its stated mount."""
     time = log.log.time
     motion = sensor_motion(log.observer(time), log.config.mount)
     noise, valid = log.config.noise_covariance()[:, :, None], np.ones(len(time), dtype=bool)
@@ -97,7 +96,7 @@ def measured_positions(log: SensorLog) -> MeasuredPositions:
     return MeasuredPositions(log, position, np.hypot(*(position.mean - log.target(time, log.log.object)[:2])))
 
 
-def _body(name: str, motion: Motion, span: tuple[float, float]) -> Iterator[ReplayPath]:
+def _body_path(name: str, motion: Motion, span: tuple[float, float]) -> Iterator[ReplayPath]:
     inside = (motion.time >= span[0]) & (motion.time <= span[1])
     if inside.any():
         heading = np.arctan2(motion.vy, motion.vx) if motion.heading is None else motion.heading

@@ -334,25 +334,25 @@ def wrong_units(log: SensorLog) -> Iterator[WrongUnit]:
         if quantity is None:
             continue
         finite = np.isfinite(expected[i])
-        measured, wanted, circular = log.measurement[i, finite], expected[i, finite], i in log.config.angular
+        measured, true_values, circular = log.measurement[i, finite], expected[i, finite], i in log.config.angular
         stated = entry.units.get(name) or str(getattr(log.truth.units, quantity))
-        as_read = _spread(measured, wanted, circular)
+        as_read = _spread(measured, true_values, circular)
         choices = {
             (other, turned): UNITS[quantity][other] / UNITS[quantity][stated] * (-1.0 if turned else 1.0)
             for other in UNITS[quantity]
             for turned in (False, True)
         }
-        spreads = {choice: _spread(factor * measured, wanted, circular) for choice, factor in choices.items()}
+        spreads = {choice: _spread(factor * measured, true_values, circular) for choice, factor in choices.items()}
         best = min(spreads, key=spreads.__getitem__)
         # A factor that makes the measurement nearly zero fits as well as the truth varies.
-        zero_spread = _spread(np.zeros_like(wanted), wanted, circular)
+        zero_spread = _spread(np.zeros_like(true_values), true_values, circular)
         if best != (stated, False) and CLEARLY * spreads[best] < min(as_read, zero_spread):
             yield WrongUnit(name, stated, best[0], best[1], choices[best], (as_read, spreads[best]))
 
 
-def _spread(measured: Array, wanted: Array, circular: bool) -> float:
+def _spread(measured: Array, true_values: Array, circular: bool) -> float:
     """Return the median distance of the residuals from their median."""
-    residual = measured - wanted
+    residual = measured - true_values
     if circular:
         middle = np.angle(np.mean(np.exp(1j * residual)))
         residual = wrap_angle(residual - middle)

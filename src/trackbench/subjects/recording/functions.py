@@ -76,9 +76,9 @@ def _object_names(objects: Array) -> Array:
     return np.where(names == "", "no object", names)
 
 
-def _send_lane(stream: Stream, place: tuple[str, ...], time: Array, states: Array, colour: str) -> None:
+def _send_lane(stream: Stream, parts: tuple[str, ...], time: Array, states: Array, colour: str) -> None:
     change = np.append(True, states[1:] != states[:-1])
-    entity = path(LANES, *place)
+    entity = path(LANES, *parts)
     stream.columns(entity, time[change], rr.StateChange.columns(state=states[change].tolist()))
     values = np.unique(states).tolist()
     colours = rgba_of(WRONG.get(value, colour) for value in values)

@@ -35,15 +35,15 @@ def thin_tables(result: Result) -> Tables:
         return tables
     evenly, opening = time[np.linspace(0, len(time) - 1, MOST).astype(int)], moment_of(result).time_s
     around = time[:0] if opening is None else time[np.abs(time - opening) <= AROUND_S]
-    kept = np.unique(np.concatenate([evenly, around, _worst_times(result)]))
+    kept_times = np.unique(np.concatenate([evenly, around, _worst_times(result)]))
     thinned = {name: tables[name] for name in BY_INSTANT if tables.if_there(name).num_rows}
-    rows = {name: _are_among(table["time_s"].to_numpy(), kept) for name, table in thinned.items()}
+    rows = {name: _are_among(table["time_s"].to_numpy(), kept_times) for name, table in thinned.items()}
     if tables.measurements.num_rows:
         sensors, when = (tables.measurements[name].to_numpy() for name in ("sensor", "time_s"))
         rows["measurements"] = np.zeros(len(when), dtype=bool)
         for sensor in np.unique(sensors):
             scans = np.unique(when[sensors == sensor])
-            latest = scans[np.maximum(np.searchsorted(scans, kept + 1e-9) - 1, 0)]
+            latest = scans[np.maximum(np.searchsorted(scans, kept_times + 1e-9) - 1, 0)]
             rows["measurements"] |= (sensors == sensor) & _are_among(when, latest)
     return Tables({name: table.filter(rows[name]) if name in rows else table for name, table in tables.items()})
 

@@ -106,9 +106,9 @@ def score_command(
         print_answer(f"{case.outcome.upper()}  {case.name} ({case.message})")
     suite = suite_of_run(result)
     write_suites([Suite(suite.name, [*suite.cases, *cases])], junit)
-    kept = all(item.passed for item in judgements)
+    all_kept = all(item.passed for item in judgements)
     if as_json:
         summary = result.json()
-        summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
+        summary |= {"passed": summary["passed"] and all_kept, "gates": [item._asdict() for item in judgements]}
         print_answer(json.dumps(summary, indent=2, allow_nan=False))
     end_with_limits([case.outcome for case in cases], status([result]))

@@ -99,10 +99,10 @@ def judge_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
             limit: float | None = gate.limit
             if gate.relative:
                 limit = None if first is None else first + sign * abs(first) * gate.limit / 100
-            passed, found = False, metric.reason or "the first file has no value"
+            passed, evidence = False, metric.reason or "the first file has no value"
             if metric.value is not None and limit is not None:
                 passed = sign * (metric.value - limit) <= 0
-                found = f"{metric.value:.4g} {metric.unit}" + (f", the first {first:.4g}" if gate.relative else "")
+                evidence = f"{metric.value:.4g} {metric.unit}" + (f", the first {first:.4g}" if gate.relative else "")
             value = (metric.value, metric.unit, metric.ci95)
-            judgements.append(JudgedGate(tracker.name, gate.metric, limit, *value, passed, gate.text, found))
+            judgements.append(JudgedGate(tracker.name, gate.metric, limit, *value, passed, gate.text, evidence))
     return judgements

@@ -111,8 +111,8 @@ def tune_command(
     for note in notes:
         output.note(note)
     command = command_of_tuning(loaded, names, plan, out)
-    kept = "" if storage is None else f"the trials so far are kept; the same command goes on from {storage}"
-    with executor(workers, None) as chosen, if_interrupted(kept):
+    resumption = "" if storage is None else f"the trials so far are kept; the same command goes on from {storage}"
+    with executor(workers, None) as chosen, if_interrupted(resumption):
         tunings = tune_trackers(loaded, names, plan, chosen, output)
     files = save_tuning(tunings, loaded, out, command)
     if as_json:

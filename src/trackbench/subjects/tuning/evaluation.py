@@ -192,7 +192,7 @@ class Evaluator:
         starts = []
         for work, results in zip(self._work, made, strict=True):
             pieces = {piece: next(results)[0] for piece in work.pieces()}
-            counted = {place: piece.available for place, piece in pieces.items()}
+            counted = {runs: piece.available for runs, piece in pieces.items()}
             engine = joined_engines(piece.engine for piece in pieces.values() if piece.engine is not None)
             starts.append(_Start(_join([piece.sums for piece in pieces.values()]), counted, engine))
         return starts

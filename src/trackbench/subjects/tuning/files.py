@@ -89,10 +89,10 @@ def require_tuning_files(out: Path, scenarios: Sequence[Scenario]) -> None:
     """
     single = len(scenarios) == 1
     if single != (out.suffix == ENDING):
-        wanted = (
+        advice = (
             "give a file whose name ends in .yaml" if single else "several scenarios go into a folder: give its name"
         )
-        raise InputError(wanted, key="--out", file=out)
+        raise InputError(advice, key="--out", file=out)
     for scenario, file in zip(scenarios, tuned_scenario_files(out, scenarios), strict=True):
         if file.resolve() == scenario.path.resolve():
             raise InputError("is the scenario that is tuned, which is not overwritten; give another name", key="--out")

@@ -123,12 +123,12 @@ class Study:
         """
         first, size = 0, 4 + 6 * len(self._parameters)
         while first < count:
-            size, made = min(size, count - first), len(self._stored())
-            if made < first + size:
+            size, finished = min(size, count - first), len(self._stored())
+            if finished < first + size:
                 values = self._propose(first, size, seed)
                 if first == 0 and start is not None:
                     values = [dict(start), *values[:-1]]
-                for trial in make(values[max(0, made - first) :]):
+                for trial in make(values[max(0, finished - first) :]):
                     # Only a finished trial is stored, so that an interruption leaves no half trial.
                     self._study.add_trial(self._frozen(trial))
             first, size = first + size, BATCH

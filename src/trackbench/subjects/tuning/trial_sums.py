@@ -42,9 +42,9 @@ class LogTime(NamedTuple):
         if self.held_out is None:
             return stretch_numbers(len(time), duration)
         count = min(2 * STRETCHES, int(duration / (SHORTEST + self.gap)))
-        place = (time - time[0]) / duration * count
-        number = np.minimum(place.astype(np.intp), count - 1)
-        scored = (number % 2 == int(self.held_out)) & ((place - number) * duration / count >= self.gap)
+        position = (time - time[0]) / duration * count
+        number = np.minimum(position.astype(np.intp), count - 1)
+        scored = (number % 2 == int(self.held_out)) & ((position - number) * duration / count >= self.gap)
         return np.where(scored, number // 2, -1)
 
 
