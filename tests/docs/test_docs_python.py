@@ -42,9 +42,12 @@ def test_the_cells_of_the_notebook_run(
         if cell["cell_type"] == "code":
             assert cell["outputs"] == []
             statements = ast.parse("".join(cell["source"])).body
-            last = statements.pop() if isinstance(statements[-1], ast.Expr) else None
-            exec(compile(ast.Module(statements, []), cell["id"], "exec"), names)
-            shown = eval(compile(ast.Expression(last.value), cell["id"], "eval"), names) if last else None
+            last = statements[-1]
+            if not isinstance(last, ast.Expr):
+                exec(compile(ast.Module(statements, []), cell["id"], "exec"), names)
+                continue
+            exec(compile(ast.Module(statements[:-1], []), cell["id"], "exec"), names)
+            shown = eval(compile(ast.Expression(last.value), cell["id"], "eval"), names)
             pages += [shown._repr_html_()] if hasattr(shown, "_repr_html_") else []
     printed = capsys.readouterr().out
     ranking, replay, _, own, _ = pages
