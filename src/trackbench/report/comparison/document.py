@@ -22,7 +22,7 @@ from trackbench.document import (
     Row,
     Section,
     Table,
-    named_apart,
+    with_name_prefix,
 )
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
@@ -98,7 +98,7 @@ def _over(comparison: Comparison) -> str:
 def _section(comparison: Comparison, part: _GroupText) -> Section:
     """One part of several; its tables and figures are named after what ranks."""
     title = f"By {NAMES[comparison.ranked_by]}{_over(comparison)}"
-    return Section(title, named_apart(part[1], comparison.ranked_by))
+    return Section(title, with_name_prefix(part[1], comparison.ranked_by))
 
 
 def _notes(comparison: Comparison) -> Iterator[Block]:

@@ -49,7 +49,7 @@ def difference_figure(
         for y, (_, value, ends, style) in enumerate(drawn):
             axes.plot(np.clip(ends, low, high), [y, y], color=style.colour, linewidth=5, alpha=0.35)
             if low <= value <= high:
-                axes.plot([value], [y], markersize=6, **style.dot)
+                axes.plot([value], [y], markersize=6, **style.point_options)
             else:
                 place, side, arrow = (
                     (high, "right", "{} \N{RIGHTWARDS ARROW}") if value > 0 else (low, "left", "\N{LEFTWARDS ARROW} {}")

@@ -136,7 +136,7 @@ def _panels(
                 axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35, linewidth=0, zorder=3)
             # The best tracker on top.
             for style, time, value in reversed(own):
-                axes.plot(time, value, **style.look)
+                axes.plot(time, value, **style.line_options)
             held_against = references.get(panel, [])
             for line in held_against:
                 axes.plot(line.time, line.value, color=INK, linestyle=DASHED, linewidth=1.3)
