@@ -53,9 +53,9 @@ Examples:
 def report_command(run: Path, format: Format | Literal["mot"], out: Path | None) -> None:
     """Write the report of a saved result in any format."""
     if format == "mot":
-        from trackbench.report.export import exported
+        from trackbench.report.export import mot_files
 
-        _write(dict(exported(results.Result.load(run))), run if out is None else out)
+        _write(dict(mot_files(results.Result.load(run))), run if out is None else out)
         return
     from trackbench.document.files import files
     from trackbench.document.terminal import print_document

@@ -1,6 +1,6 @@
-"""Every sentence of a verdict, each whole: who is best, how surely, what went wrong, what is left out, what is next."""
+"""Templates of all sentences of verdicts: which tracker is best, how surely, what went wrong, and what is next."""
 
-#: Who is best in a run, by what was shown.
+#: Which tracker is best in a run, by the kind of evidence.
 ANSWERS = {
     "none is ranked": "no tracker is ranked",
     "no truth": "no truth, so {trackers} without a ranking",
@@ -19,7 +19,7 @@ EXPECTATIONS = {
     "met": "All {stated} met",
     "not met": "{failed} of {stated} failed, {undecided} undecided",
 }
-#: How sure the words of a run are.
+#: How sure the verdicts of a run are.
 CERTAINTY = {
     "all pairs": "Better and worse: shown by over the margin, {margin}; equivalent: within it. The risk that any is "
     "called so wrongly is 5 % (Holm, {pairs}).",
@@ -31,7 +31,7 @@ CERTAINTY = {
     "{until} scenes an error is shown to be larger only where it is more than 1.5 times the other",
     "ahead": "In {number} of {total} another tracker is ahead of {best} by more than the margin{which}.",
 }
-#: What the errors of a run leave out or take in.
+#: Remarks on trackers and on the meaning of their errors.
 REMARKS = {
     "charged": "{name}: {share} of its squared {error} is charged for missing estimates ({without} without)",
     "not called better": "{name} is not called better than {others}: its errors are smaller only with what is charged",
@@ -48,19 +48,19 @@ REMARKS = {
     "clock": "{name}: time stamps fit best with {shift} added, beside a shift along the path; --time-offset or "
     "time_offset_s adds it, {seconds} s",
 }
-#: Whether the truth can be believed.
+#: Whether the truth is consistent.
 TRUTH = {
     "not audited": "The truth was not audited.",
     "repaired": "The truth{where} had faults, which were repaired before anything was scored.",
     "consistent": "The truth is consistent: velocity agrees with displacement, no position jumps.",
 }
-#: What to ask next, beside the command for it.
+#: Next questions, shown beside the command that answers each.
 NEXT = {
     "doctor": "Has {name} a fault?",
     "inspect": "Where are the errors largest?",
     "scenes": "The same in other traffic?",
 }
-#: Who is ahead in a comparison, and how surely.
+#: Which tracker is ahead in a comparison, and how surely.
 COMPARED = {
     "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
     "worse": "Shown to be worse: {listed}.",
