@@ -245,8 +245,8 @@ def _print_next(result: Result, folder: Path, console: Console) -> None:
     if report := result.summary.artifacts.get("report"):
         steps["The report"] = str(folder / report)
     width = max(map(len, steps), default=0)
-    for what, how in steps.items():
-        console.print(Text.assemble((f"{what:<{width}}  ", "dim"), how), soft_wrap=True, highlight=False)
+    for step, command in steps.items():
+        console.print(Text.assemble((f"{step:<{width}}  ", "dim"), command), soft_wrap=True, highlight=False)
 
 
 def run_in_words(result: Result) -> str:

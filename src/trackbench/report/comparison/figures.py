@@ -37,14 +37,14 @@ def difference_figure(
     low, high = min(shown, default=-end), max(shown, default=end)
     low, high = min(low, 0.0), max(high, 0.0)
     low, high = low - 0.06 * (high - low), high + 0.06 * (high - low)
-    what = f"{metric} minus that of {best}" if best else f"difference in {metric}"
+    quantity = f"{metric} minus that of {best}" if best else f"difference in {metric}"
     has_intervals, cut = any(item.ci95 for item in items), any(not low <= value <= high for _, value, *_ in drawn)
-    caption = f"Dots: {what}{'; bars: their 95 % intervals' * has_intervals}."
-    caption += " What is far out is cut off at the edge, with its value." * cut
-    caption += " What is the same in every run is left out." * (len(drawn) < len(items))
+    caption = f"Dots: {quantity}{'; bars: their 95 % intervals' * has_intervals}."
+    caption += " Outliers are cut off at the edge, with their values." * cut
+    caption += " Differences that are zero in every run are left out." * (len(drawn) < len(items))
 
     def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=f"{what}{unit}")
+        axes = canvas.add_subplot(xlabel=f"{quantity}{unit}")
         axes.axvline(0.0, color=INK, linewidth=1)
         for y, (_, value, ends, style) in enumerate(drawn):
             axes.plot(np.clip(ends, low, high), [y, y], color=style.colour, linewidth=5, alpha=0.35)
@@ -63,7 +63,7 @@ def difference_figure(
         name=f"differences-{metric.replace('.', '-')}",
         title=f"Differences in {metric}{unit}",
         caption=caption,
-        alternative=f"{what}{unit}: " + ", ".join(f"{label} {value:+.3g}" for label, value, *_ in drawn),
+        alternative=f"{quantity}{unit}: " + ", ".join(f"{label} {value:+.3g}" for label, value, *_ in drawn),
         paint=paint,
         height=50 + _ROW * len(drawn),
     )

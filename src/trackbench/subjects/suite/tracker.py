@@ -25,17 +25,17 @@ class TrackerFile(Config):
     name: Name
     version: str = ""
     licence: str = ""
-    source: str = Field("", description="Where its code or its paper is found.")
-    single: dict[str, Any] | None = Field(None, description="A tracker of single objects, as a scenario has it.")
-    traffic: dict[str, Any] | None = Field(None, description="A tracker of several objects, as a scenario has it.")
+    source: str = Field("", description="Address of the code or of a paper.")
+    single: dict[str, Any] | None = Field(None, description="Tracker of single objects, as in a scenario.")
+    traffic: dict[str, Any] | None = Field(None, description="Tracker of several objects, as in a scenario.")
     tracks: str | None = Field(
-        None, description="A folder of tracks that it wrote for exported scans, a file for each scenario's id."
+        None, description="Folder of finished tracks for exported scans, with a file for each scenario's id."
     )
 
     def problems(self) -> Iterator[Problem]:
         stated = [key for key in (*KINDS, "tracks") if getattr(self, key) is not None]
         if not stated:
-            yield Problem((), "write what tracks: single, traffic, or tracks for a folder of finished tracks")
+            yield Problem((), "add a tracker as single or traffic, or a folder of finished tracks as tracks")
         if self.tracks is not None and len(stated) > 1:
             yield Problem(("tracks",), f"stands beside {stated[0]}; remove one of them")
 
