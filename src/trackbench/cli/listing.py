@@ -22,13 +22,13 @@ from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
-from trackbench.scenario.shipped import at_hand, files_of_scenarios, shown_name
+from trackbench.scenario.shipped import available_scenarios, files_of_scenarios, shown_name
 
 Row = tuple[str, str]
 
 
 def _scenarios() -> Iterator[Row]:
-    for name, file in at_hand().items():
+    for name, file in available_scenarios().items():
         try:
             yield name, load_scenario(file).config.description
         except InputError as error:
