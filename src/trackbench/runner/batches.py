@@ -1,4 +1,4 @@
-"""Batches: the runs that a tracker processes joined, with known or with hidden identities."""
+"""Batches: the runs that a tracker processes together, with known or with hidden identities."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from trackbench.trackers.filtered import SmoothedTracker
 
 
 class Batch(Protocol):
-    """Runs that a tracker processes joined: of one scene, or of several whose sensors measure at the same times."""
+    """Runs that a tracker processes together: of one scene, or of several whose sensors measure at the same times."""
 
     pieces: Sequence[BlockRuns]
     measurements: Measurements

@@ -84,7 +84,7 @@ class EstimateScoring:
         return self._scorer.chunk
 
     def take(self, step: DriveStep[Estimate | None], _: object = None) -> None:
-        """Score the answer to a scan, and keep its recorded run and its mode probabilities.
+        """Score the answer to a scan; keep the estimates of the recorded run, and add the mode probabilities.
 
         Raises:
             Fault: the estimate cannot be scored, or the number of modes has changed.

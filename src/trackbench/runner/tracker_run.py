@@ -164,7 +164,7 @@ class TrackerRun:
         return list(deliveries(scans, used, self._scene.each_measurement))
 
     def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
-        """Return the scan; for a tracker that wants origins also the objects behind each, also merged, detection."""
+        """Return the scan; for a tracker that wants origins, also the one or two objects that caused each detection."""
         measurements = self.batch.measurements
         if not measurements.origins or not getattr(self.tracker, "wants_origins", False):
             return (delivery.scan,)
@@ -172,7 +172,7 @@ class TrackerRun:
         return delivery.scan, origins if delivery.read and delivery.number is not None else origins[:, :0]
 
     def _take_sequence(self, instant: int) -> int:
-        """Take and score the instants from this one on by one sequence of calls; return their number or 0."""
+        """Take and score the instants from this one on by one sequence of calls; return their number, 0 for none."""
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
         if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0

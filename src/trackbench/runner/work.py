@@ -272,7 +272,7 @@ class Work:
         return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
 
     def prepare_tracker(self, late: LateScans, change: Callable[[Any], Any] = lambda tracker: tracker) -> Any:
-        """Return a built-in tracker with the engine of this machine; where no scan is late, without its handling.
+        """Return a built-in tracker with the engine of this machine; it handles late scans only if there are any.
 
         Args:
             late: the tracker with its handling of late scans.

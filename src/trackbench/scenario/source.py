@@ -149,7 +149,7 @@ for _tag, _pattern, _first in (
 
 
 def _plain(node: Any, path: KeyPath, around: tuple[yaml.Node, ...], file: str) -> Any:
-    """Return a node as a plain value; ``around``: the nodes that contain it, none of which it may be itself."""
+    """Return a node as a plain value; ``around``: the nodes that contain it, to refuse one that contains itself."""
     problem = None
     if any(node is outer for outer in around):
         problem = "an anchor that contains itself"

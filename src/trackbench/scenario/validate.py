@@ -326,7 +326,7 @@ def _recording(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Proble
         other = first.setdefault(sensor_type(kind), name)
         if other != name:
             yield Problem(("sensors", name), f"the recording has one {kind}, and it feeds {other}; remove one of them")
-    # With hidden identities it says which objects of a truth are due.
+    # With hidden identities the key occlusion decides which objects of a truth are due.
     is_due = scenario.sensing.identities == "hidden" and not truth.without_truth
     for name in fed:
         sensor = scenario.sensors[name]

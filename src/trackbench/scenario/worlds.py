@@ -35,7 +35,7 @@ class NoSuchWorldError(InputError):
 
 
 def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
-    """Return the changes, ``key.path=value`` each, that bring a scenario as it is written into a world.
+    """Return the changes, ``key.path=value`` each, that turn a scenario, as written, into one of a world.
 
     Raises:
         NoSuchWorldError: the world does not fit the scenario.
