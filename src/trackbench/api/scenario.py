@@ -118,7 +118,7 @@ def worlds(scenario: Scenario | Named, names: Iterable[str] = ()) -> list[Scenar
 
 
 def loaded_scenario(scenario: Scenario | Named) -> Scenario:
-    """Return a loaded scenario as it is, and load any other."""
+    """Return a loaded scenario unchanged, and load any other."""
     return scenario if isinstance(scenario, Scenario) else load(scenario)
 
 

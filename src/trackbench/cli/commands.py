@@ -85,7 +85,7 @@ COMMANDS = {
 
 
 class Commands(click.Group):
-    """Group of all commands, each of which is imported when it is called."""
+    """Group of all commands; a command is imported when it is called."""
 
     def invoke(self, ctx: click.Context) -> Any:
         # Click would print an empty line before the message of an interrupted command.

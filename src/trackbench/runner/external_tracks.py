@@ -138,7 +138,7 @@ def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> PlacedTrac
     """Place each track at each instant: by its row nearest in time, unless rows are missing there.
 
     Between two successive rows without a gap (see ``row_period``) a track exists at every instant. Elsewhere it exists
-    within half a period of a row; the period is that of the instants (median) or of the rows, whichever is longer. An
+    within half a period of a row: the median period of the instants, or the period of the rows if it is longer. An
     instant is exact if the time of any track's row equals it. A track with rows at more than two thirds of the exact
     instants of its lifetime exists at exact instants only where it has a row itself.
 
@@ -241,7 +241,7 @@ def truth_at(truth: Truth, run: int, instants: TruthHistory, stamp: Array) -> Tr
 
 
 def _states(truth: Truth, run: int, time: Array, nominal: Array) -> Array:
-    """Return states at times ``(T,)`` or ``(T, K)``; objects that never exist keep those of ``nominal``.
+    """Return states at times ``(T,)`` or ``(T, K)``; objects that never exist keep their states in ``nominal``.
 
     Before its first and after its last instant an object keeps its velocity.
     """

@@ -32,7 +32,7 @@ class Scene:
         return truth_of_point(self.truth, self.point)
 
     def instants(self) -> Indices:
-        """Return the indices of the truth's steps at which trackers are scored: those at which a sensor measures."""
+        """Return the indices of the truth's steps at which trackers are scored: each step with a measurement."""
         if not self.sensors:
             return np.arange(len(self.truth.time))
         steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))

@@ -1,4 +1,4 @@
-"""Scoring of a single-object tracker's estimates; those of the recorded run are kept."""
+"""Scoring of a single-object tracker's estimates, with a copy of the recorded run."""
 
 from __future__ import annotations
 

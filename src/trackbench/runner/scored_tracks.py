@@ -1,4 +1,4 @@
-"""Scoring of a multi-object tracker's tracks with hidden identities; those of the recorded run are kept."""
+"""Scoring of a multi-object tracker's tracks with hidden identities."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ class Work:
         return used._replace(why_numpy=unavailable() or "")
 
     def pieces(self) -> list[BlockRuns]:
-        """Cut the runs into blocks, each with twice as many runs as the one before, up to a largest size.
+        """Cut the runs into blocks, each with twice as many runs as its predecessor, up to a largest size.
 
         Where a block begins depends on the scenes alone: with more runs only the last block changes.
         """

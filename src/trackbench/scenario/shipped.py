@@ -26,7 +26,9 @@ def available_scenarios() -> dict[str, Path]:
 
 
 def find_scenario(named: Path | str) -> Path:
-    """Return the file or folder for a path or for the name of a shipped scenario or folder; a path has precedence.
+    """Return the file or folder for a path, or for the name of a shipped scenario or folder.
+
+    A path has precedence, except a folder without scenarios that has the name of a shipped one.
 
     Raises:
         InputError: there is neither; the message proposes the nearest name.
