@@ -121,7 +121,7 @@ def cli() -> None:
     """
     \b
     Example:  trackbench run highway    # trackers, on the same truth and noise
-    """
+    """  # noqa: D205, D212, D415
 
 
 def run_command_line() -> int:
