@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -99,12 +100,21 @@ def questions(result: Result) -> Iterator[tuple[str, str]]:
     words = shlex.split(summary.command)
     if words[:2] != ["trackbench", "run"]:
         return
-    # The doctor reads the tracker from the scenario's file, without the options that the command changed.
-    if (name := _worst(result)) and not any(word.startswith(f"trackers.{name}") for word in words):
-        yield NEXT["doctor"].format(name=name), f"trackbench doctor {shlex.quote(words[2])}#{name}"
+    if (name := _worst(result)) and (subject := _argument_of_doctor(name, words)):
+        yield NEXT["doctor"].format(name=name), f"trackbench doctor {subject}"
     if summary.truth.source == "highway-env" and not summary.truth.scenes:
         out = "" if "--out" in words else " --out results/scenes"
         yield NEXT["scenes"], f"{summary.command} --scenes 10{out}"
+
+
+def _argument_of_doctor(name: str, words: Sequence[str]) -> str:
+    """Return how the doctor finds a tracker: in the scenario's file, or by the class that ``--set`` names; else ""."""
+    changes = [word for word in words if word.startswith(f"trackers.{name}")]
+    if not changes:
+        return f"{shlex.quote(words[2])}#{name}"
+    named = re.search(r"use: *[\"']?([\w.]+:\w+)", changes[0])
+    is_whole = named and len(changes) == 1 and "options" not in changes[0]
+    return f"{named[1]} --scenario {shlex.quote(words[2])}" if named and is_whole else ""
 
 
 def _worst(result: Result) -> str:
