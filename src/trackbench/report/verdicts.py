@@ -64,6 +64,7 @@ NEXT = {
 COMPARED = {
     "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
     "worse": "Shown to be worse: {listed}.",
+    "nobody ahead": "No tracker is shown to be ahead over {over}: beside {than}, the {what} of {subject} is",
     "ahead of next": "{best} is ahead{by} over {over}: the {what} of {other}, the next, is {change}.",
     "ahead of baseline": "{best} is ahead{by} over {over}: its {what} is {change} than that of {other}, the baseline.",
     "ahead by rank": "{best} is ahead over {over}: mean rank {rank}, {other} of {second}, the next.",

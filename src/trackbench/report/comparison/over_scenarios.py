@@ -80,7 +80,10 @@ def change_decimals(percent: float, ci95: tuple[float, float] | None) -> int:
 
 
 def who_is_ahead(comparison: Comparison) -> str:
-    """Return which tracker leads over the scenarios, and by how much, or by mean rank if no error is pooled."""
+    """Return which tracker leads over the scenarios, and by how much, or by mean rank if no error is pooled.
+
+    No tracker is said to be ahead where the interval of the pooled difference includes none.
+    """
     first, second = competitors(comparison)[:2]
     over = counted(len(comparison.scenarios), "scenario")
     other = second.tracker if comparison.baseline == first.tracker else comparison.baseline
@@ -92,6 +95,10 @@ def who_is_ahead(comparison: Comparison) -> str:
         return COMPARED["ahead by rank"].format(
             best=first.tracker, over=over, rank=rank, other=rounded(second.mean_rank, 2), second=second.tracker
         )
+    if change.ci95 is not None and change.ci95[0] <= 0 <= change.ci95[1]:
+        subject, than = (first.tracker, other) if behind == first.tracker else (other, first.tracker)
+        text = COMPARED["nobody ahead"].format(over=over, what=NAMES[comparison.ranked_by], subject=subject, than=than)
+        return f"{text} {_change_in_words(change.mean_percent, change.ci95)}."
     # Mean ranks order the trackers, and the pooled errors may disagree.
     is_by_rank = (change.mean_percent < 0) == (behind == other)
     text = COMPARED["ahead of baseline" if other == comparison.baseline else "ahead of next"]
@@ -113,5 +120,4 @@ def _change_in_words(percent: float, ci95: tuple[float, float] | None) -> str:
     if ci95 is None:
         return text
     low, high = sorted(sign * end for end in ci95)
-    open_end = "; which of the two is ahead is not shown" * (low <= 0)
-    return f"{text} (95 %: {rounded(low, places)} to {rounded(high, places)} %{open_end})"
+    return f"{text} (95 %: {rounded(low, places)} to {rounded(high, places)} %)"

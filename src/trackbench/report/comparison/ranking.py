@@ -52,7 +52,9 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
     for metric in dict.fromkeys(change.metric for change in comparison.overall):
         name = NAMES.get(metric, metric)
         title = f"{name[0].upper()}{name[1:]} against {comparison.baseline}"
-        words = COMPARED["words"].format(over=f"All {len(comparison.scenarios)}", family="a scenario")
+        words = COMPARED["words"].format(
+            over=f"All {len(comparison.scenarios)}", family="all worlds" if comparison.worlds else "a scenario"
+        )
         yield Section(title, (scenario_table(comparison, metric), Paragraph(words)))
     letters = _group_letters(comparison)
     method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(letters))

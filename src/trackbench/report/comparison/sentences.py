@@ -199,7 +199,8 @@ def world_tables(comparison: Comparison) -> Iterator[Table]:
     meanings = {str(world): meaning for world, meaning in MEANING.items()}
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]
-        shown = [order for order in orders if order.order != "not shown"]
+        # Where nothing is shown, every pair is listed.
+        shown = [order for order in orders if order.order != "not shown"] or orders
         columns = [
             (Column("trackers", left=True), [Cell(f"{order.a}, {order.b}") for order in shown]),
             *(
@@ -209,5 +210,5 @@ def world_tables(comparison: Comparison) -> Iterator[Table]:
             (Column("order", left=True), [Cell(order.order, tone=_TONE[order.order]) for order in shown]),
         ]
         left_out = f": {len(orders) - len(shown)} of the {len(orders)} pairs are not shown in any world"
-        caption = f"Shown to be better in {scenario}{left_out * (len(shown) < len(orders))}"
+        caption = f"Tracker shown to be better in each world of {scenario}{left_out * (len(shown) < len(orders))}"
         yield Table.of_columns(f"worlds of {scenario}", columns, caption)
