@@ -142,7 +142,7 @@ def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
         assert 1 <= item.ci95[0] <= item.mean_rank <= item.ci95[1] <= 4
     assert compared.ranking[3].ci95 is None
     assert not any(item.shown for item in compared.rank_differences)
-    assert "with 4 trackers that takes 8 sets of scenes, here are 4." in markdown(compared)
+    assert "with 4 trackers that takes 8 sets of scenes, and here are 4." in markdown(compared)
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def test_every_later_result_is_held_against_the_first(nights: list[Result], cli:
     limit = ("--fail-on-regression", "position_rmse:5")
     done = cli("compare", *folders, *limit, "--junit", "limits.xml", "--out", "nights.html")
     assert done.status == 1
-    assert done.err.splitlines()[-1] == "3 of 12 limits broken: exit status 1 (0: all shown kept)"
+    assert done.err.splitlines()[-1] == "3 of 12 limits broken: exit status 1 (0 if all limits are shown to be kept)"
     suites = ElementTree.parse(tmp_path / "limits.xml").getroot()
     assert [suite.get("failures") for suite in suites] == ["0", "0", "0", "1", "1", "1"]
     assert "<svg" in (tmp_path / "nights.html").read_text(encoding="utf-8")
@@ -113,7 +113,7 @@ def test_every_later_result_is_held_against_the_first(nights: list[Result], cli:
 
 def test_results_that_are_not_in_the_order_of_time_are_named(nights: list[Result]) -> None:
     comparison = tb.compare(nights[0], nights[3], nights[2])
-    assert comparison.notes == ["results 3 was made before results 2, which stands before it"]
+    assert comparison.notes == ["results 3 was made before results 2, which is listed before it"]
     assert tb.compare(*nights).notes == []
 
 

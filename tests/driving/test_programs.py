@@ -187,7 +187,7 @@ def test_a_track_below_0_is_no_padding(launch: Launch) -> None:
 FAULTS = {
     "prints": (
         "print('starting up')\nsys.stdout.flush()",
-        r"its standard output is no frame: it begins with 'starting up\\n.*; what a program prints belongs on standard",
+        r"its output is no message: it begins with 'starting up\\n.*; what a program prints belongs on standard",
     ),
     "prints a little": (ANSWER + "print('ok', flush=True); send(**usual(message))", "it begins with 'ok\\\\n"),
     "leaves": ("sys.stderr.write('no licence\\n'); sys.exit(3)", "with status 3$"),

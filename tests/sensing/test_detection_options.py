@@ -36,7 +36,7 @@ BAD = [
      " below -5"),
     ("roof", "clutter: {places: [{line: [], per_scan: 1}]}", "6: sensors.roof.clutter.places.0.line: must not be"
      " empty"),
-    ("front", "resolution: {}", "5: sensors.front.resolution: says nothing: add range_m, azimuth_deg or"
+    ("front", "resolution: {}", "5: sensors.front.resolution: is empty: add range_m, azimuth_deg or"
      " range_rate_mps"),
     ("roof", "resolution: {range_rate_mps: 1}", "6: sensors.roof.resolution.range_rate_mps: a lidar measures no range"
      " rate; remove it"),

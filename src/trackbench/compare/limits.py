@@ -88,7 +88,7 @@ def _text(item: PairDifference, limit: Limit, outcome: GateOutcome) -> str:
     if item.identical:
         return f"the same in every run; {allowed}"
     if item.ci95 is None and item.repeatable:
-        allowed = f"values as they are, without an interval; {allowed}"
+        allowed = f"compared by value, without an interval; {allowed}"
     if item.percent is None:
         return f"from 0 to {item.value:.4g} {item.unit}; {allowed}"
     reach = ""
@@ -110,4 +110,4 @@ def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
 
 def exit_line(outcomes: Sequence[GateOutcome], status: int) -> str:
     """Return a line with the number of kept limits, and the exit status with its rule."""
-    return f"{limits_in_words(outcomes)}: exit status {status} (0: all shown kept)"
+    return f"{limits_in_words(outcomes)}: exit status {status} (0 if all limits are shown to be kept)"
