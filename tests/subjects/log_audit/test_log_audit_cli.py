@@ -68,7 +68,7 @@ def test_nothing_else_is_replaced(cli: CLI, log: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("scenario", "message"),
     [
-        ("highway", "truth.source: an audit holds recorded measurements against"),
+        ("highway", "truth.source: an audit compares recorded measurements with"),
         ("nothing.yaml", "there is no such file"),
     ],
 )
