@@ -32,9 +32,13 @@ BAD_USAGE = [
     (["doctor", "own.py"], "own.py: name the class in it: own:Class"),
     (
         ["inspect", "exam"],
-        "exam: no result.json in this folder: it is that of an examination: open its report.html; `trackbench view`",
+        "exam: no result.json in this folder: it is the folder of an examination: open its report.html; `trackbench "
+        "view`",
     ),
-    (["report", "exam"], "exam: no result.json in this folder: it is that of an examination: open its report.html"),
+    (
+        ["report", "exam"],
+        "exam: no result.json in this folder: it is the folder of an examination: open its report.html",
+    ),
     (["report", "tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json; a scenario is run first"),
     (["inspect", "tiny.yaml"], "tiny.yaml: not a Rerun recording (.rrd); a scenario is run first: `trackbench run`"),
     (["run", "emty/"], "emty: there is no such file; `trackbench list scenarios` shows those that come with"),

@@ -105,7 +105,7 @@ def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
         (["base/tiny", "--metric", "step_time"], "--metric: 'step_time' is not compared run by run; "),
         (["base/tiny", "--trackers", "ekf"], "base/tiny: nothing to compare: only one tracker"),
         (["base/tiny", "--fail-on-regression", "position_rmse:5"], "--fail-on-regression: needs two results"),
-        (["base/tiny", "new/tiny", "--junit", "x.xml"], "--junit: says which regressions there are"),
+        (["base/tiny", "new/tiny", "--junit", "x.xml"], "--junit: lists the limits of --fail-on-regression"),
         (["base/tiny", "new/tiny", "--fail-on-regression", "nees.mean:5"], "--fail-on-regression: neither a larger"),
         (["base/tiny", "new/tiny", "--fail-on-regression", "x:5"], "--fail-on-regression: 'x' is not compared run"),
         (["base/tiny", "--out", "folder.md"], "--out: folder.md is a folder; name a file"),

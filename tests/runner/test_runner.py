@@ -288,12 +288,12 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
     stated = Expectation(tracker="ekf", metric="position_rmse", better_than="raw")
     untested = Difference(**{**fields, "ci95": None}, p_value=1, better=None, verdict="undecided")
     not_counted = Difference(**fields, p_value=0.01, better=None, verdict="larger", without_charged=-0.1)
-    withheld = "smaller, but not without what is charged for missing estimates"
+    withheld = "smaller, but not without the charge for missing estimates"
     for difference, passed, said in (
         (shown, True, ""),
-        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06 of the test for over the margin)"),
+        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06 of the test that it exceeds the margin)"),
         (untested, False, " (difference -0.1 m, too few runs or scenes to test)"),
-        (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01 of the test for over the margin)"),
+        (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01 of the test that it exceeds the margin)"),
     ):
         (judged,) = evaluated.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
         assert judged.undecided is (difference in (not_shown, untested))

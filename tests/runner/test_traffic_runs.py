@@ -113,7 +113,7 @@ FAULTS = {
     "raises": ("return 1 / 0", "ZeroDivisionError"),
     "of_one": (
         "return scan.measurement[0, 99]",
-        "is it of one object? With hidden identities a scan has detections of",
+        "does it follow one object only? With hidden identities a scan has detections of",
     ),
 }
 

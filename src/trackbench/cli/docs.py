@@ -63,7 +63,7 @@ def _commands(command: click.Command, context: click.Context) -> Iterator[str]:
         yield f"## {context.command_path}"
         yield f"```text\n{EXAMPLES.sub('', shown.get_help(context))}\n```"
     if shared:
-        yield f"As of [run](#trackbench-run): {', '.join(f'`{option.opts[-1]}`' for option in shared)}."
+        yield f"Explained under [run](#trackbench-run): {', '.join(f'`{option.opts[-1]}`' for option in shared)}."
     if isinstance(command, click.Group):
         for name in command.list_commands(context):
             inner = command.get_command(context, name)

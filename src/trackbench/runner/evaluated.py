@@ -134,12 +134,12 @@ def _not_better(tracker: str, difference: Difference | None) -> str:
     value = difference.value if difference.a == tracker else -difference.value
     word = difference.verdict
     if difference.turned:
-        word = f"{size(value)}, but not without what is charged for missing estimates"
+        word = f"{size(value)}, but not without the charge for missing estimates"
     untested = difference.ci95 is None and difference.p_value == 1
     tested = (
         "too few runs or scenes to test"
         if untested
-        else f"{word}, p = {difference.p_value:.2g} of the test for over the margin"
+        else f"{word}, p = {difference.p_value:.2g} of the test that it exceeds the margin"
     )
     return f" (difference {value:+.3g} {difference.unit}, {tested})"
 

@@ -98,10 +98,10 @@ class Score(Config):
     margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
     baseline: str | None = Field(
         None,
-        description="Name of the tracker that all others are compared with, and with no other: fewer comparisons show "
-        "smaller differences. Unless given, every pair is compared, or, of more than 30, each with the best.",
+        description="Name of the tracker that each other tracker is compared with. Fewer comparisons show smaller "
+        "differences. Default: every pair is compared; with more than 30 trackers, each with the best.",
     )
-    reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="What errors are held against.")
+    reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="Reference for the errors.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,
         description='Metrics beside the built-in ones: published names, "module:Class", or `{use, options}`.',
@@ -137,7 +137,7 @@ class Expectation(Config):
     )
     worlds: list[World] = Field(
         default_factory=list,
-        description="The worlds in which it must hold; the ideal one, and outside of worlds, unless given.",
+        description="The worlds in which the expectation must hold. Default: the ideal one, and runs without worlds.",
     )
 
     def holds_in(self, world: World | None) -> bool:
@@ -148,7 +148,7 @@ class Expectation(Config):
         operators = {"below": self.below, "above": self.above, "is": self.equals, "better_than": self.better_than}
         stated = [name for name, value in operators.items() if value is not None]
         if not stated:
-            yield Problem((), "says nothing: add one of below, above, is, better_than")
+            yield Problem((), "no limit is given: add below, above, is or better_than")
         for name in stated[1:]:
             yield Problem((name,), f"an expectation has one limit: write a second one beside {stated[0]}")
 
@@ -192,9 +192,9 @@ class ScenarioKeys(Config):
     )
     sensors: dict[Name, Annotated[Sensor, Plugin(SENSOR_MODELS, "type")]] = Field(
         default_factory=dict,
-        description="The sensors, by name. Only where every tracker is one of tracks made elsewhere there may be none.",
+        description="The sensors, by name. They may be left out if the tracks of every tracker were made elsewhere.",
     )
-    sensing: Sensing = Field(default_factory=Sensing, description="Whether they say which object they are of.")
+    sensing: Sensing = Field(default_factory=Sensing, description="Whether measurements say which object they are of.")
     trackers: dict[Name, AnyEntry] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
     score: Score = Field(default_factory=Score, description="How errors are counted.")
@@ -204,10 +204,10 @@ class ScenarioKeys(Config):
     recording: RecordingConfig = Field(default_factory=RecordingConfig, description="What the recording shows.")
     worlds: list[World] = Field(
         default_factory=list,
-        description="The worlds (`trackbench list worlds`) that a run goes through, each with a result of its own. The "
-        "scenario as it is written, unless given.",
+        description="The worlds (`trackbench list worlds`) in which the scenario is run, each with a result of its "
+        "own. Default: the scenario as it is written.",
     )
-    world: World | None = Field(None, description="One of the worlds, as which the scenario is changed.")
+    world: World | None = Field(None, description="The one world to which the scenario is changed.")
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
         """The entry of a tracker that takes scans.

@@ -186,7 +186,7 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
             raise InputError(f"no world {world!r}; {nearest_choices(world, WORLDS)}", key="--worlds")
     own = loaded.config.world
     if worlds and own is not None:
-        message = f"is in the world {own} already, by its key world: remove that, or --worlds"
+        message = f"its key world already says {own}: remove that key, or leave --worlds out"
         raise loaded.locate(InputError(message, key="world"))
     chosen = [*worlds] or loaded.config.worlds
     if not chosen or own is not None:
