@@ -29,7 +29,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
             name: [own[name]["position_rmse"].value if name in own else None for own in by_tracker] for name in names
         }
         places = decimals([value for own in values.values() for value in own])
-        missing = Cell(NOT_AVAILABLE, reason="no estimate of the tracker falls into it")
+        missing = Cell(NOT_AVAILABLE, reason="the tracker has no estimate there")
         columns = [
             (Column(name, "position RMSE, m"), [missing if v is None else Cell(rounded(v, places)) for v in own])
             for name, own in values.items()
@@ -67,5 +67,5 @@ def consistency_table(result: Result) -> Table:
             list(map(off, result.scored)),
         ),
     ]
-    caption = "Can each covariance be believed? trackbench explain has the words"
+    caption = "Can each covariance be believed? trackbench explain TERM explains the words"
     return tracker_table("consistency", result.scored, columns, caption)

@@ -28,9 +28,9 @@ def exported(result: Result) -> Iterator[tuple[str, Callable[[], bytes]]]:
         InputError: identities are known in this result, or there is no truth.
     """
     if result.summary.identities == "known":
-        raise InputError("mot is written of runs with hidden identities alone", key="--format")
+        raise InputError("mot needs a run with hidden identities, and those of this run are known", key="--format")
     if not result.summary.truth.known:
-        raise InputError("mot needs a truth, which this recording has not", key="--format")
+        raise InputError("mot needs a truth, and this recording has none", key="--format")
     name, time = result.name, drawn_instants(result.tables)
     yield f"mot/gt/{name}/gt/gt.txt", lambda: _lines(_objects(result, time))
     yield f"mot/gt/{name}/seqinfo.ini", lambda: _sequence(name, time)

@@ -175,14 +175,14 @@ def unranked_table(result: Result) -> Table | None:
 def _errors(result: Result, trackers: Sequence[TrackerResult]) -> list[TableColumn]:
     """Errors, consistency and health of trackers, a column each."""
     label = result.summary.held_against.label
-    counted = "a missing estimate counts as the last measurement or estimate, held; given: of those given alone"
+    counted = "a missing estimate counts as the last measurement or estimate, held; given: without missing ones"
     judged = "mean, verdict under all conditions, 95 % interval"
     present = "share of the due estimates that were given"
     columns = [
         (Column("position RMSE, m", counted, details=INTERVAL), metric_cells(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", counted, details=INTERVAL), metric_cells(trackers, "velocity_rmse")),
         (
-            Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
+            Column(f"over {label}", f"position RMSE divided by that of the {label}", details=INTERVAL),
             metric_cells(trackers, "position_over_reference"),
         ),
         (Column("NEES, 4 expected", judged, details=VERDICT), metric_cells(trackers, "nees")),

@@ -40,8 +40,8 @@ def difference_figure(
     what = f"{metric} minus that of {best}" if best else f"difference in {metric}"
     has_intervals, cut = any(item.ci95 for item in items), any(not low <= value <= high for _, value, *_ in drawn)
     caption = f"Dots: {what}{'; bars: their 95 % intervals' * has_intervals}."
-    caption += " What is far out is cut off at the edge, with its value." * cut
-    caption += " What is the same in every run is left out." * (len(drawn) < len(items))
+    caption += " Points far out are cut off at the edge, with their value." * cut
+    caption += " Differences that are the same in every run are left out." * (len(drawn) < len(items))
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=f"{what}{unit}")

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from trackbench.subjects.suite.make import EntryMaker
 
 workers_option = click.option(
-    "--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same result."
+    "--workers", type=WORKERS, metavar="N", help="Processes; default: one per core if faster. Same result."
 )
-suite_option = click.option("--suite", type=click.Path(path_type=Path), metavar="FILE", help="Of a suite of your own.")
-cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
+suite_option = click.option("--suite", type=click.Path(path_type=Path), metavar="FILE", help="Your own suite's file.")
+cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask cluster: tcp://HOST:PORT or local:N.")
 
 
 @click.group("suite")
@@ -76,12 +76,12 @@ def list_command(named: str | None) -> None:
 @click.argument("named", metavar="ID")
 @click.argument("trackers", nargs=-1, required=True, metavar="TRACKER...")
 @click.option("--only", metavar="A,B", help="Only these: ids, single, traffic, smoke.")
-@out_option("Each entry gets a folder in it.", "entries")
+@out_option("Folder in which each entry gets a folder.", "entries")
 @workers_option
 @cluster_option
 @isolation_options
 @artifact_options
-@quiet_option("Only the folders of the entries.")
+@quiet_option("Print only the folders of the entries.")
 def run_command(
     named: str,
     trackers: tuple[str, ...],
@@ -188,7 +188,7 @@ def verify_command(
 @suite_command.command("merge")
 @click.argument("entries", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="ENTRY...")
 @suite_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write it too, as .html or .json.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write a file too: .html or .json.")
 def merge_command(entries: tuple[Path, ...], suite: Path | None, out: Path | None) -> None:
     """Compare entries, made on any machines.
 

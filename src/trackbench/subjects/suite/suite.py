@@ -111,12 +111,12 @@ class SuiteScenario:
     def why_other_truth(self, truths: Sequence[LoadedTruth]) -> str | None:
         """Say why truths are not those of the suite; None where they are."""
         found = digest_of(scene_fingerprint(item.truth, item.measurements) for item in truths)
-        return None if found == self.stated.truth else "moves otherwise here than the suite states: another simulator?"
+        return None if found == self.stated.truth else "has another motion than in the suite: another simulator?"
 
     def why_other_scans(self, fingerprints: Sequence[str]) -> str | None:
         """Say why measurements, by their rounded fingerprints, are not those of the suite; None where they are."""
         other = digest_of(fingerprints) != self.stated.scans
-        return "is measured otherwise here than the suite states: another version?" if other else None
+        return "has other measurements than in the suite: another version?" if other else None
 
 
 @dataclass(frozen=True)

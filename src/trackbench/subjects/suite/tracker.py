@@ -35,7 +35,7 @@ class TrackerFile(Config):
     def problems(self) -> Iterator[Problem]:
         stated = [key for key in (*KINDS, "tracks") if getattr(self, key) is not None]
         if not stated:
-            yield Problem((), "write what tracks: single, traffic, or tracks for a folder of finished tracks")
+            yield Problem((), "the tracker is missing: write single, traffic, or tracks (a folder of finished tracks)")
         if self.tracks is not None and len(stated) > 1:
             yield Problem(("tracks",), f"stands beside {stated[0]}; remove one of them")
 
@@ -78,7 +78,7 @@ class EnteringTracker:
             folder, ids = self.folder / self.stated.tracks, chosen[0].suite.scenarios
             for file in sorted(folder.glob("*")):
                 if file.suffix in ENDINGS and file.stem not in ids:
-                    raise InputError(f"is named as no scenario; {nearest_choices(file.stem, ids)}", file=file)
+                    raise InputError(f"not the id of a scenario; {nearest_choices(file.stem, ids)}", file=file)
             kept = [item for item in chosen if self.tracks_of(item) is not None]
             message = f"there is no file of tracks in {folder}, such as {chosen[0].id}.csv"
         else:

@@ -139,10 +139,10 @@ class Verifier:
         """Run a tenth of the scenes again, drawn by the entry's own hash."""
         tracker = self.stored.entry.tracker
         if tracker.made == "tracks":
-            yield Check("on trust", "rerun", "a program that is not here made the tracks, of whatever it knew")
+            yield Check("on trust", "rerun", "the tracks were made by a program that is not here")
             return
         if tracker.random:
-            yield Check("on trust", "rerun", "the tracker says that it draws random numbers, so no run comes again")
+            yield Check("on trust", "rerun", "the tracker says that it draws random numbers, so no run can be repeated")
             return
         loaded = {
             item.id: scenario.loaded({tracker.name: tracker.options[scenario.kind]}, self.stored.folder)
@@ -213,10 +213,11 @@ def _score_problems(stated: Result, found: Result) -> Iterator[str]:
     include: Any = {"trackers": {"__all__": SCORED}, **dict.fromkeys((*SCENARIO, *SCORES), True)}
     ours, theirs = (result.summary.model_dump(mode="json", include=include) for result in (stated, found))
     for key, value, again in differing(ours, theirs, ROUNDING):
-        # Another version may describe the same truth and sensors in other words.
-        is_wording = isinstance(value, str) and isinstance(again, str) and key.startswith(SCENARIO)
+        # Another version may describe the same truth and sensors, or why a value is missing, in other words.
+        is_text = isinstance(value, str) and isinstance(again, str)
+        is_wording = is_text and (key.startswith(SCENARIO) or key.endswith(".reason"))
         if not is_wording and key != "truth.cached":
-            yield f"result.json: {key}: {value} is stated, {again} comes of the estimates"
+            yield f"result.json: {key}: the file has {value}, and the estimates give {again}"
     for name in KEPT:
         ours, theirs = (result.tables.if_there(name) for result in (stated, found))
         if (problem := table_difference(ours, theirs)) is not None:
