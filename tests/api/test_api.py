@@ -202,6 +202,7 @@ def test_scans_with_hidden_identities_are_the_detections_of_one_run(tmp_path: Pa
 
 def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -> None:
     assert "<td>ekf_cv</td>" in result._repr_html_()
+    assert "<p>" not in result._repr_html_()
     report = result.report()
     assert report._repr_html_().startswith("<iframe srcdoc=")
     assert "&lt;h1&gt;" in report._repr_html_() or "&lt;h1" in report._repr_html_()

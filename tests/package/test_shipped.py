@@ -56,7 +56,12 @@ def test_a_file_or_folder_of_ones_own_wins(
     assert (tmp_path / "results" / "tiny").is_dir()
     (tmp_path / own).unlink()
     (tmp_path / own).mkdir()
-    assert "there is no scenario file (*.yaml) in this folder" in cli("run", own).err
+    # A folder without a scenario, such as that of a run, stands for none.
+    assert find_scenario(own) == FOLDER / f"{own}.yaml"
+    shutil.copy(tiny, tmp_path / own)
+    assert find_scenario(own) == Path(own)
+    (tmp_path / "empty").mkdir()
+    assert "there is no scenario file (*.yaml) in this folder" in cli("run", "empty").err
 
 
 @pytest.mark.parametrize(

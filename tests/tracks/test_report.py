@@ -120,4 +120,4 @@ PAGE = DOCS / "traffic.md"
 def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(PAGE, tmp_path) == 9
     names = {file.name for file in (tmp_path / "exported").rglob("*") if file.is_file()}
-    assert names == {"gt.txt", "seqinfo.ini", "motorway.txt"}
+    assert names == {"gt.txt", "seqinfo.ini", "truck_hides_car.txt"}

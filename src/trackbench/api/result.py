@@ -60,7 +60,9 @@ class ReportableResult(HasFigures, results.Result):
 
         table = ranking_table(self)
         rows = [[" ".join([cell.text, *cell.details]) for cell in row] for row in table.rows]
-        return str(pandas.DataFrame(rows, columns=[column.heading for column in table.columns]).to_html(index=False))
+        shown = pandas.DataFrame(rows, columns=[column.heading for column in table.columns]).to_html(index=False)
+        missing = (f"<p>{escape(f'{each.name}: {self.why_unscored(each)}')}</p>" for each in self.unscored)
+        return "".join([shown, *missing])
 
 
 #: Of a report in a notebook, pixels; it scrolls.

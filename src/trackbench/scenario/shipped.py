@@ -32,10 +32,11 @@ def find_scenario(named: Path | str) -> Path:
         InputError: it is neither; with the nearest of both.
     """
     path = Path(named)
-    if os.path.exists(path):
+    name, files = path.as_posix(), shipped()
+    # Such as the folder of a run, which bears the name of its scenario.
+    is_folder_without_scenario = name in files and os.path.isdir(path) and not any(path.glob(PATTERN))
+    if os.path.exists(path) and not is_folder_without_scenario:
         return path
-    name = path.as_posix()
-    files = shipped()
     if name in files:
         return files[name]
     if any(path_name.startswith(f"{name}/") for path_name in files):
