@@ -148,8 +148,8 @@ def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
 @pytest.mark.parametrize(
     ("scenarios", "claim"),
     [
-        (3, "with 2 trackers that takes 6 sets of scenes, here are 3."),
-        (5, "with 2 trackers that takes 6 sets of scenes, here are 5."),
+        (3, "with 2 trackers that takes 6 sets of scenes, and here are 3."),
+        (5, "with 2 trackers that takes 6 sets of scenes, and here are 5."),
         (6, "mean rank is shown to be the best (sign-flip test of the ranks over the sets of scenes, p = 0.031)."),
     ],
 )

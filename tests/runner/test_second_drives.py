@@ -103,7 +103,7 @@ DEPENDENT = {
     "Normalises": BATCH + "it gives another estimate: the covariance differs",
     "Draws": BATCH + "it gives another estimate: .*; a tracker that draws random numbers must set random = True$",
     "Shares": r"^asked again in a fresh process, with two runs in another order, .* values? that instances share",
-    "Drawing": "^asked again in a fresh process, .* says random = True$",
+    "Drawing": "^asked again in a fresh process, .* must set random = True$",
 }
 HONEST = ("BatchedAlphaBeta", "AlphaBeta", "SaysSo", "SaysDrawing")
 FILTERS = {

@@ -26,10 +26,9 @@ sensors:
 )
 REMEDY = "write sensing: {identities: hidden}, or remove this"
 BAD = [
-    ("front", "clutter: {per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of view"
-     " that ends"),
-    ("front", "states: {clutter_per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of"
-     " view that ends"),
+    ("front", "clutter: {per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a limited range"),
+    ("front", "states: {clutter_per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a limited"
+     " range"),
     ("odd", "max_range_m: 90, clutter: {per_scan: 5}", "7: sensors.odd.clutter.per_scan: a "
      "speed_radar:SpeedRadar has no uniform clutter; remove it"),
     ("roof", "clutter: {range_rate_mps: [5, -5]}", "6: sensors.roof.clutter.range_rate_mps: must be [low, high] with 5"

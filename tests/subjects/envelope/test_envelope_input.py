@@ -53,7 +53,7 @@ def test_an_axis_that_cannot_be(axis: dict[str, Any], message: str, tmp_path: Pa
         (
             {"expect": [{"tracker": "kf", "metric": "health.diverged_runs", "below": 3}]},
             "expect.0.metric",
-            "no mean over",
+            "not a mean over",
         ),
         ({"expect": [{"tracker": "kf", "metric": "nees.verdict", "is": "consistent"}]}, "expect.0.is", "is a word"),
         (

@@ -62,7 +62,7 @@ def test_nothing_else_is_replaced(cli: CLI, log: Path, tmp_path: Path) -> None:
     (tmp_path / "out" / "thesis.tex").write_text("")
     done = cli("audit", log, "--out", "out")
     assert done.status == 2
-    assert "there already, and not a folder with audit.json: not replaced" in done.err
+    assert "it exists and is not a folder with audit.json, so it is not replaced" in done.err
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,7 @@ def test_a_beaten_bound_is_found_in_tracks_of_a_closed_tracker(entry: Path, cli:
     done = cli("suite", "verify", "entries/theirs")
     assert done.status == 1
     assert f"failed    bound     {DRAWN}: its position RMSE beats the Cramér-Rao bound" in done.out
-    assert "on trust rerun the tracks were made by a program that is not here" in done.out
+    assert "on trust  rerun     the tracks were made by a program that is not here" in done.out
 
 
 def test_entries_of_several_machines_merge_paired(entry: Path, cli: Cli) -> None:

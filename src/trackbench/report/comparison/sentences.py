@@ -123,7 +123,7 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
             same = sum(item.identical for item in own)
             number = "" if same == len(own) else f"{same} "
             listed = f"{len(own)}{f' ({number}the same in every run)' if same else ''}"
-        parts += [f"{difference_word(verdict)}: {listed}"] if own else []
+        parts += [f"{difference_word(verdict)}{' to differ' * (verdict == UNDECIDED)}: {listed}"] if own else []
     return f"{'; '.join(parts)}."
 
 

@@ -58,7 +58,7 @@ def list_command(named: str | None) -> None:
 
     if named is None:
         for name in shipped_suites():
-            print_answer(f"{name:18}  {find_suite(name).stated.title}")
+            print_answer(f"{name:18}  {find_suite(name).stated.title}\n{'':18}  trackbench suite list {name}")
         return
     suite = find_suite(named)
     stated = suite.stated

@@ -78,9 +78,9 @@ def tune_command(
 ) -> None:
     """Find the options with which trackers do best.
 
-    Each tracker is tuned by itself, with one set of values for all scenarios, on some scenes and noise. The values are
-    then compared with its start on other scenes and noise. Writes the scenario with the tuned values, a report and all
-    numbers. An interrupted search goes on where it was if its trials are kept in a --storage.
+    Each tracker is tuned by itself, with one set of values for all scenarios. The tuned values are then compared with
+    the scenario's values on other scenes and noise. Writes the scenario with the tuned values, a report and all
+    numbers. With --storage an interrupted search goes on where it was.
 
     \b
     Examples:
