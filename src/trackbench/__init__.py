@@ -1,6 +1,6 @@
 """trackbench: a test bench for radar and lidar vehicle trackers.
 
-What a program or a notebook needs is here, and is imported when it is first used::
+The public names of a program or a notebook, each imported at its first use::
 
     import trackbench as tb
 
@@ -61,10 +61,10 @@ if TYPE_CHECKING:
         "worlds",
     ]
 
-#: When the first of the package was read, seconds since 1970.
+#: Time at which the package was imported, seconds since 1970.
 STARTED = time.time()
 
-#: Where each name of the core comes from; the subjects name theirs themselves.
+#: ``module:attribute`` of the core's public names; each subject lists its own.
 _CORE = {
     "Comparison": "api.compare:ReportableComparison",
     "Estimate": "base.types:Estimate",
@@ -86,8 +86,8 @@ _CORE = {
 }
 
 
-def _homes() -> dict[str, str]:
-    """``module:attribute`` of every public name."""
+def _targets() -> dict[str, str]:
+    """Return ``module:attribute`` of every public name."""
     from trackbench.base.subjects import offered
 
     return {**{name: f"trackbench.{target}" for name, target in _CORE.items()}, **dict(offered("api"))}
@@ -100,8 +100,8 @@ def __getattr__(name: str) -> Any:
 
         value = version("trackbench")
     elif name == "__all__":
-        value = sorted(_homes())
-    elif not name.startswith("_") and (target := _homes().get(name)):
+        value = sorted(_targets())
+    elif not name.startswith("_") and (target := _targets().get(name)):
         module, attribute = target.split(":")
         value = getattr(import_module(module), attribute)
     else:
@@ -111,14 +111,14 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*_homes(), "__version__"])
+    return sorted([*_targets(), "__version__"])
 
 
 class _Package(ModuleType):
-    """``compare`` and ``truth`` are functions here, and packages that are imported by their full names."""
+    """Package whose attributes ``compare`` and ``truth`` are functions, although it has subpackages of these names."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        # Importing a subpackage puts it here under its name, where the function would then be gone.
+        # Importing a subpackage sets it as an attribute, which would replace the function.
         if name not in _CORE or not isinstance(value, ModuleType):
             super().__setattr__(name, value)
 

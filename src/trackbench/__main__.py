@@ -1,4 +1,4 @@
-"""``python -m trackbench``: the command line."""
+"""The command line, for ``python -m trackbench``."""
 
 from trackbench.cli import main
 

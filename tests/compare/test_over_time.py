@@ -103,7 +103,7 @@ def test_every_later_result_is_held_against_the_first(nights: list[Result], cli:
     limit = ("--fail-on-regression", "position_rmse:5")
     done = cli("compare", *folders, *limit, "--junit", "limits.xml", "--out", "nights.html")
     assert done.status == 1
-    assert done.err.splitlines()[-1] == "3 of 12 limits broken: exit status 1 (0 if all limits are shown to be kept)"
+    assert done.err.splitlines()[-1] == "3 of 12 limits broken: exit status 1 (0: all kept)"
     suites = ElementTree.parse(tmp_path / "limits.xml").getroot()
     assert [suite.get("failures") for suite in suites] == ["0", "0", "0", "1", "1", "1"]
     assert "<svg" in (tmp_path / "nights.html").read_text(encoding="utf-8")

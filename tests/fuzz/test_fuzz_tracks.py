@@ -19,7 +19,7 @@ from tests.support.traffic_files import OPTIONS, WRITERS
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.runner.filed_tracks import tracks_at_instants
+from trackbench.runner.external_tracks import tracks_at_instants
 from trackbench.truth.tracks import TRAFFIC_FORMATS
 
 TIME = np.arange(41) * 0.1

@@ -17,7 +17,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
 from trackbench.results import MetricValue
 from trackbench.results.scenario_summary import MarginSummary
-from trackbench.runner.evaluated import evaluated
+from trackbench.runner.evaluated import evaluate_trackers
 from trackbench.runner.loop import run_block
 from trackbench.runner.scene import Scene
 from trackbench.runner.targets import Targets
@@ -42,11 +42,11 @@ def test_what_a_tracker_reaches_does_not_depend_on_those_beside_it():
     of = random_walk(12, 40, 0.05, 2.0, seed=1, start=np.array([40.0, 10.0, 10.0, 5.0]))
     trackers = {**TWO, "silent": PluginConfig(use=f"{__name__}:Silent")}
     whole = replace(work(of, SENSORS, trackers, 12), min_coverage=0.9)
-    found = evaluated(whole, [block_of(whole, range(12))])
+    found = evaluate_trackers(whole, [block_of(whole, range(12))])
     assert set(found.ranked) == set(TWO)
     for name in trackers:
         without = replace(work(of, SENSORS, {name: trackers[name]}, 12), min_coverage=0.9)
-        alone = evaluated(without, [block_of(without, range(12))]).evaluations[name]
+        alone = evaluate_trackers(without, [block_of(without, range(12))]).evaluations[name]
         assert {path: value for path, value in found.evaluations[name].values.items() if path != "step_time"} == {
             path: value for path, value in alone.values.items() if path != "step_time"
         }
@@ -83,7 +83,7 @@ def scenes(count, runs):
 
 def test_scenes_are_what_is_independent():
     whole = scenes(3, 4)
-    found = evaluated(whole, [run_block(whole, piece) for piece in whole.pieces()])
+    found = evaluate_trackers(whole, [run_block(whole, piece) for piece in whole.pieces()])
     assert whole.scene_of_run.tolist() == [0] * 4 + [1] * 4 + [2] * 4
     for name in found.ranked:
         interval = found.evaluations[name].intervals["position_rmse"]

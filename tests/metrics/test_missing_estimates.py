@@ -13,7 +13,7 @@ from trackbench.driving.isolation import Isolation
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.report.pairs import standing
-from trackbench.runner.evaluated import evaluated
+from trackbench.runner.evaluated import evaluate_trackers
 from trackbench.trackers.config import PluginConfig
 
 RUNS, STEPS, DT = 60, 160, 0.05
@@ -149,7 +149,7 @@ def reached(trackers, settle=0.0):
     here = Isolation(in_process=True)
     whole = replace(work(scene(), SENSORS, trackers, RUNS, settle=settle), min_coverage=0.5, isolation=here)
     block = block_of(whole, range(RUNS))
-    return {name: item.values for name, item in evaluated(whole, [block]).evaluations.items()}
+    return {name: item.values for name, item in evaluate_trackers(whole, [block]).evaluations.items()}
 
 
 @cache

@@ -171,9 +171,11 @@ def test_a_terminal_shows_every_cell_in_its_width(of_run: Document, width: int) 
 
 
 def codes(found: Document) -> list[Code]:
-    from trackbench.document import every
+    from trackbench.document import all_blocks
 
-    return [Code(line) for block in every(found.blocks) if isinstance(block, Code) for line in block.text.splitlines()]
+    return [
+        Code(line) for block in all_blocks(found.blocks) if isinstance(block, Code) for line in block.text.splitlines()
+    ]
 
 
 def test_a_page_escapes_what_is_hostile() -> None:

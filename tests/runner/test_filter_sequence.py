@@ -39,7 +39,7 @@ def outcomes(monkeypatch: pytest.MonkeyPatch, scenario: tb.Scenario, by_steps: b
     with monkeypatch.context() as patch:
         patch.setattr(TrackerRun, "close", kept)
         if by_steps:
-            patch.setattr(TrackerRun, "_taken_at_once", lambda self, instant: 0)
+            patch.setattr(TrackerRun, "_take_sequence", lambda self, instant: 0)
         tb.run(scenario, engine="fused")
     return left
 

@@ -291,9 +291,9 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
     withheld = "smaller, but not without the charge for missing estimates"
     for difference, passed, said in (
         (shown, True, ""),
-        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06 of the test that it exceeds the margin)"),
+        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06 in the test for more than the margin)"),
         (untested, False, " (difference -0.1 m, too few runs or scenes to test)"),
-        (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01 of the test that it exceeds the margin)"),
+        (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01 in the test for more than the margin)"),
     ):
         (judged,) = evaluated.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
         assert judged.undecided is (difference in (not_shown, untested))

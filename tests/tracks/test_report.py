@@ -10,7 +10,7 @@ from tests.support.browser import look
 from tests.support.places import DOCS
 
 from trackbench.base.errors import InputError
-from trackbench.document import Document, Section, every
+from trackbench.document import Document, Section, all_blocks
 from trackbench.document.drawing import figure_file
 from trackbench.document.files import document_text
 from trackbench.document.html import to_html
@@ -26,7 +26,7 @@ def document(traffic_result: Result) -> Document:
 
 
 def titles(document: Document) -> list[str]:
-    return [block.title for block in every(document.blocks) if isinstance(block, Section)]
+    return [block.title for block in all_blocks(document.blocks) if isinstance(block, Section)]
 
 
 def test_every_figure_is_drawn(document: Document) -> None:

@@ -1,4 +1,5 @@
-"""What ``import trackbench as tb`` offers, and the work of ``trackbench run``, from a scenario to its result and files.
+"""Python interface ``import trackbench as tb``, on which ``trackbench run`` rests too.
 
-The names themselves are in ``trackbench``, which imports this package when one of them is first used.
+Scenarios (files, names, texts or mappings) come in; results, and folders with their files, go out. ``trackbench``
+itself exports the names, and imports this package when one is first used. Read ``run.py`` first.
 """

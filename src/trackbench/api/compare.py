@@ -1,4 +1,4 @@
-"""Comparing results."""
+"""Comparison of results."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from trackbench.compare import compare_results as compare_sets
 from trackbench.report.comparison.document import comparison_document
 from trackbench.results.metric_value import data_frame
 
-#: A result, or the folder of one or of several.
+#: Result, or folder of one or several results.
 Compared = results.Result | Path | str
 
 
 class ReportableComparison(HasFigures, comparison.Comparison):
-    """What a comparison found. A notebook shows it as a page, ``print`` as text."""
+    """Comparison of results, which a notebook shows as a page and ``print`` as text."""
 
     def report(self) -> Report:
-        """The comparison as ``trackbench compare`` shows it."""
+        """Return the report of the comparison, as ``trackbench compare`` shows it."""
         return Report(comparison_document(self))
 
     def to_pandas(self) -> Any:
-        """A data frame with a row for each difference, of every group of scenarios.
+        """Return a data frame with a row for each difference in each group of scenarios.
 
-        ``p_value`` is of the hypothesis that the difference is within the margin, after Holm's correction.
+        ``p_value`` tests the hypothesis that the difference is within the margin, with Holm's correction.
         """
         return data_frame(
             {
@@ -67,36 +67,35 @@ def compare(
     trackers: Sequence[str] | None = None,
     limits: Mapping[str, float] | None = None,
 ) -> ReportableComparison:
-    """Compare the trackers of one result with each other, or of several, each with that of the first.
+    """Compare the trackers of one result with each other, or several results, tracker by tracker, with the first.
 
     Results on the same measurements are compared run by run, others as independent samples.
 
     Args:
         baseline: a result; a list of results of several scenarios; or the folder of either.
-        others: the same, each held against the baseline.
-        metrics: what to compare by; unless given ``position_rmse``, or ``tgospa`` where identities are hidden.
-        trackers: names of those to compare; all unless given.
-        limits: by metric, by how many percent the later trackers may be worse; ``passed`` says whether none is.
+        others: further results, lists or folders, which are each compared with the baseline.
+        metrics: metrics to compare by; unless given ``position_rmse``, or ``tgospa`` with hidden identities.
+        trackers: names of the trackers to compare; all unless given.
+        limits: percentage, by metric, by which later trackers may be worse; ``passed`` says whether none is worse.
 
     Raises:
-        InputError: there is no such result, or they cannot be compared.
+        InputError: there is no such result, or the results cannot be compared.
     """
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
-    given = (baseline, *others)
-    names = {name for item in given if isinstance(item, results.Result) for name in item}
-    for item in given:
+    arguments = (baseline, *others)
+    names = {name for item in arguments if isinstance(item, results.Result) for name in item}
+    for item in arguments:
         if isinstance(item, str) and item in names and not Path(item).exists():
             raise InputError(
                 f"{item!r} is a tracker of the results; choose trackers by compare(..., trackers=[{item!r}])"
             )
-    sets = [_set(item) for item in given]
-    chosen = None if trackers is None else listed(trackers)
-    compared = compare_sets(sets, metrics=listed(metrics), trackers=chosen, limits=allowed)
+    sets = [_read_set(item) for item in arguments]
+    selected = None if trackers is None else listed(trackers)
+    compared = compare_sets(sets, metrics=listed(metrics), trackers=selected, limits=allowed)
     return ReportableComparison.model_validate(dict(compared))
 
 
-def _set(results_of: Compared | Sequence[results.Result]) -> ResultSet | results.Result | Sequence[results.Result]:
-    """One argument; a folder is read."""
+def _read_set(results_of: Compared | Sequence[results.Result]) -> ResultSet | results.Result | Sequence[results.Result]:
     if isinstance(results_of, Path | str):
         return find_results(Path(results_of))
     if isinstance(results_of, results.Result):

@@ -1,4 +1,4 @@
-"""An episode of a highway-env scenario, whose ego vehicle a program drives step by step."""
+"""Episode of a highway-env scenario whose ego vehicle a program drives step by step."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.truth.driven import DrivenTraffic
 
 
 class LiveStep(NamedTuple):
-    """Result of one step of a live episode; ``reward`` and ``terminated`` are those of highway-env."""
+    """Result of one step of a live episode; ``reward`` and ``terminated`` come from highway-env."""
 
     scans: list[Scan]
     """Scans in the order of arrival, ``measurement`` ``(m, D)``; with known identities ``(m, objects)``."""
@@ -25,18 +25,18 @@ class LiveStep(NamedTuple):
     reward: float
     terminated: bool
     truncated: bool
-    """Whether the duration of the scenario, or that of the environment, is over."""
+    """Whether the duration of the scenario or of the environment is over."""
 
 
 class LiveEpisode:
-    """An episode that goes on by one decision of its driver at a time; :func:`live` begins one."""
+    """Episode that advances by one decision of its driver at a time; :func:`live` begins one."""
 
     def __init__(self, scenario: Scenario, options: HighwayOptions) -> None:
         config, self._traffic = scenario.config, DrivenTraffic(options)
         noise, hidden = (config.monte_carlo.seed, config.name), config.sensing.identities == "hidden"
         self._sensing = EpisodeSensing(config.sensors, self._traffic.times, *noise, hidden)
         self.action_space: Any = self._traffic.env.action_space
-        """Actions that highway-env takes, a space of Gymnasium."""
+        """Space of the actions that highway-env takes, of Gymnasium."""
         self.latest = self._observe(0.0, False, False)
         """Result of the latest step; before the first step the scans and the truth of time 0."""
 
@@ -48,10 +48,10 @@ class LiveEpisode:
         """
         if self.latest.terminated or self.latest.truncated:
             raise InputError("the episode is over; begin another with tb.live(scenario)")
-        given, space = np.asarray(action), self.action_space
-        if not np.can_cast(given.dtype, space.dtype, "same_kind") or given.astype(space.dtype) not in space:
+        values, space = np.asarray(action), self.action_space
+        if not np.can_cast(values.dtype, space.dtype, "same_kind") or values.astype(space.dtype) not in space:
             raise InputError(f"{action!r} is not in {space}", key="action")
-        self.latest = self._observe(*self._traffic.step(given))
+        self.latest = self._observe(*self._traffic.step(values))
         return self.latest
 
     def _observe(self, reward: float, terminated: bool, truncated: bool) -> LiveStep:
@@ -64,8 +64,8 @@ def live(scenario: Scenario | Named) -> LiveEpisode:
     """Begin an episode of a highway-env scenario whose ego vehicle, which carries the sensors, the caller drives.
 
     Args:
-        scenario: what :func:`load` gave or takes; of several scenes the first one. Its ``trackers``, ``truth.ego``,
-            ``truth.targets`` and ``truth.others_within_m`` are not used: all other vehicles are objects.
+        scenario: a scenario, or an argument of :func:`load`; only its first scene is used. Its ``trackers``,
+            ``truth.ego``, ``truth.targets`` and ``truth.others_within_m`` are not used: all other vehicles are objects.
 
     Raises:
         InputError: something is wrong in the scenario, its truth is not highway-env, or its sensors stand still.

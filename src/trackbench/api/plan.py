@@ -1,4 +1,4 @@
-"""How scenarios are run, and what a run tells of itself while it goes on."""
+"""Options with which scenarios are run, and the interface of listeners to a run's progress."""
 
 from __future__ import annotations
 
@@ -25,96 +25,95 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """How every scenario is run."""
+    """Options with which all scenarios of a call are run."""
 
     out: Path | None = None
-    """Each scenario gets a folder in it; nothing is written unless given."""
+    """Folder in which each scenario gets a folder of its own; None to write nothing."""
     workers: int | None = 1
-    """Number of processes; None: as many as there are cores, where the work takes long."""
+    """Number of processes; None for one per core where the work takes long."""
     cluster: str | None = None
-    """The Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N``."""
+    """Dask cluster that replaces the processes: ``tcp://HOST:PORT``, or ``local:N``."""
     left_out: frozenset[str] = frozenset()
-    """Files of subjects that are not written into the folder of a run."""
+    """Names of subjects' files that are not written into the folder of a run."""
     isolation: Isolation = ISOLATED
-    """How trackers that are not built in are kept apart from the bench."""
+    """Limits of the processes in which plug-in trackers run."""
     engine: EngineName = "auto"
-    """What computes."""
+    """Engine that computes built-in trackers and scores."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)
 
 
 def command_of(scenario: Scenario, engine: EngineName = "auto") -> str:
-    """What reproduces the result of a scenario."""
+    """Return the command line that reproduces the result of a scenario."""
     settings = (x for item in scenario.overrides for x in ("--set", item))
     only = ["--trackers", ",".join(scenario.selected)] if scenario.selected else []
     by = [] if engine == "auto" else ["--engine", engine]
     return shlex.join(["trackbench", "run", shown_name(scenario.path), *settings, *only, *by])
 
 
-def place_prefix(number: int, of: Sequence[object]) -> str:
-    """ "2 of 3: ", before what is done of one of several; empty for a single one."""
-    return f"{number} of {len(of)}: " if len(of) > 1 else ""
+def place_prefix(number: int, items: Sequence[object]) -> str:
+    """Return the start of a message on one of several items, such as "2 of 3: "; empty for a single item."""
+    return f"{number} of {len(items)}: " if len(items) > 1 else ""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A checked scenario with the truths of its scenes, ready to run."""
+    """Checked scenario with the truths of its scenes, ready to run."""
 
     scenario: Scenario
     truths: list[LoadedTruth]
     provenance: Provenance | None = None
-    """When and of which code."""
+    """Time of the run, and versions of the code."""
 
 
 class Listener:
-    """Is told of the work; this one says nothing to anybody."""
+    """Receiver of messages on the progress of runs; this base class ignores them."""
 
     @property
     def observes(self) -> bool:
-        """Whether ``begin`` gives a function, so that the recorded run is made in this process."""
+        """Whether ``begin`` may return a function, so that the recorded run is made in this process."""
         return False
 
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
-        """Around a piece of work that takes its time.
+        """Follow a piece of work that takes its time, as a context around it.
 
         Args:
-            work: what it is.
-            unit: what is counted.
+            work: name of the work.
+            unit: unit in which its progress is counted.
 
         Yields:
-            A function that is called with how much is done, how much there is and, perhaps, what was reached.
+            A function that is called with the amount done, the total and, optionally, a note on what was reached.
         """
         yield no_progress
 
     def note(self, text: str) -> None:
-        """What a user should know of the truth or a plug-in."""
+        """Receive a remark that a user should know, on a truth, a plug-in or an option."""
 
     def begin(self, item: Prepared) -> OnRecordedRun | None:
-        """A scenario's runs begin.
+        """Receive that the runs of a scenario begin.
 
         Returns:
-            A function that is called with the recorded run while it is made; it should return at once.
+            A function that is called with the recorded run while it is made, and should return at once; or None.
         """
         return None
 
     def end(self, result: Result, folder: Path | None) -> None:
-        """A scenario's runs have ended, and its folder is complete if it has one."""
+        """Receive that the runs of a scenario have ended; its folder, if it has one, is complete."""
 
     def compared(self, comparison: Comparison, page: Path) -> None:
-        """Several scenarios are compared, and the page says what was found."""
+        """Receive the comparison of several scenarios, and the file of its page."""
 
 
 class Counter(Listener):
-    """Passes on how much of one unit is done."""
+    """Listener that passes on the progress in one unit alone."""
 
     def __init__(self, progress: Progress, unit: str) -> None:
         self._progress, self._unit = progress, unit
 
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
-        """Of the unit alone."""
         yield self._counted if unit == self._unit else no_progress
 
     def _counted(self, done: float, total: float, note: str = "") -> None:

@@ -16,14 +16,14 @@ from trackbench.scenario.truth import PendingTruths
 
 
 def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, listener: Listener) -> list[Prepared]:
-    """Check everything that could stop a run, and simulate the truth, before any tracker runs.
+    """Check everything that could stop a run, and simulate the truths, before any tracker runs.
 
     Raises:
         InputError: something is wrong in a scenario or its plug-ins, or the results cannot be written.
     """
     if plan.out is not None:
         results.require_writable(plan.out)
-    _require_distinct(scenarios)
+    _require_distinct_names(scenarios)
     for note in (note for scenario in scenarios for note in check_plugins(scenario, plan.isolation)):
         listener.note(note)
     if plan.out is not None:
@@ -44,8 +44,7 @@ def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, pl
     return Prepared(scenario, truths, provenance_of(scenario))
 
 
-def _require_distinct(scenarios: Sequence[Scenario]) -> None:
-    """Two scenarios of one name would overwrite each other."""
+def _require_distinct_names(scenarios: Sequence[Scenario]) -> None:
     by_name: dict[str, Path] = {}
     for scenario in scenarios:
         name = scenario.config.full_name

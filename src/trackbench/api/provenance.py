@@ -1,4 +1,4 @@
-"""When and of which code a result is made: time, git commit, versions, sha256 of own trackers and of files."""
+"""Provenance of a result: time, git commit, and sha256 of the user's trackers and of files."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from trackbench.scenario.shipped import is_shipped
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.published import TRACKERS
 
-#: How long git may take, s.
+#: Longest time that git may take, s.
 PATIENCE = 20.0
 
 
 def provenance_of(loaded: Scenario) -> Provenance:
-    """What there is to say of a scenario that is about to run."""
+    """Return the provenance of a scenario that is about to run."""
     made_at = datetime.now(UTC)
     commit, changed, reason = _commit(loaded.path.resolve())
     code = code_of_trackers(loaded)
@@ -34,11 +34,11 @@ def provenance_of(loaded: Scenario) -> Provenance:
 
 
 class _GitError(Exception):
-    """Git does not answer; the text says why."""
+    """Git gives no answer; the message says why."""
 
 
 def _commit(scenario: Path) -> tuple[str | None, bool | None, str]:
-    """The commit that holds a scenario, whether the repository differs from it, and why there is none."""
+    """Return the commit that holds a scenario, whether the repository differs from it, and why there is no commit."""
     if is_shipped(scenario):
         return None, None, "the scenario comes with trackbench"
     folder = scenario.parent
@@ -52,10 +52,10 @@ def _commit(scenario: Path) -> tuple[str | None, bool | None, str]:
 
 
 def _git(folder: Path, *arguments: str) -> str:
-    """What git prints in a folder.
+    """Return what git prints in a folder.
 
     Raises:
-        _GitError: it is not installed, or it fails.
+        _GitError: git is not installed, or fails.
     """
     environment = os.environ | {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0"}
     try:
@@ -76,7 +76,7 @@ def _git(folder: Path, *arguments: str) -> str:
     return done.stdout.decode(errors="replace").strip()
 
 
-#: How a module and what is in it are named.
+#: Reference to something in a module, ``module:name``.
 _REFERENCE = re.compile(r"[^\W\d][\w.]*:[^\W\d][\w.]*")
 
 
@@ -86,30 +86,30 @@ def code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
     for name, tracker in loaded.config.trackers.items():
         references = {*_references(loaded.document.value["trackers"][name])}
         use = tracker.reference if isinstance(tracker, PluginConfig) else ""
-        own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(use).startswith("trackbench.")
-        if own and use:
+        is_own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(use).startswith("trackbench.")
+        if is_own and use:
             references.add(f"{TRACKERS.home_of(use)}:")
         sources = dict(filter(None, (_source(reference, folder) for reference in references)))
         if isinstance(tracker, PluginConfig) and not isinstance(tracker.use, str):
             sources |= {str(file): file.read_bytes() for file in tracker.use.files(folder)}
-        if own or sources:
+        if is_own or sources:
             code[name] = _sha256(sources)
     return code
 
 
-def _references(stated: Any) -> Iterator[str]:
-    """Yield the texts of a tracker's entry that name something of a module that is not part of trackbench."""
-    return (text for text in texts_of(stated) if _REFERENCE.fullmatch(text) and not text.startswith("trackbench."))
+def _references(entry: Any) -> Iterator[str]:
+    """Return the texts of a tracker's entry that refer to a module that is not part of trackbench."""
+    return (text for text in texts_of(entry) if _REFERENCE.fullmatch(text) and not text.startswith("trackbench."))
 
 
 def _sha256(sources: Mapping[str, bytes]) -> str | None:
-    """Of one source; of several, by their names, that of their sha256 one after the other; None of none."""
+    """Return the sha256 of one source, or of the joined sha256 of several, in the order of their names."""
     digests = [hashlib.sha256(content).hexdigest() for _, content in sorted(sources.items())]
     return hashlib.sha256("".join(digests).encode()).hexdigest() if len(digests) > 1 else next(iter(digests), None)
 
 
 def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
-    """The file of the module that a reference names, and its content; nothing is imported."""
+    """Return the file of the module that a reference names, and its content, without an import."""
     places, name, spec = None, "", None
     with searched(folder):
         for part in reference.partition(":")[0].split("."):

@@ -1,4 +1,4 @@
-"""A result, a report and a figure that show themselves in a notebook."""
+"""Result, report and figure that a notebook can show."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class HasFigures:
 
     @property
     def figures(self) -> tuple[str, ...]:
-        """The names of the report's figures."""
+        """Names of the report's figures."""
         return tuple(figure.name for figure in self.report().document.figures)
 
     def figure(self, name: str) -> ReportFigure:
-        """A figure of the report.
+        """Return a figure of the report.
 
         Raises:
-            InputError: there is none of this name.
+            InputError: there is no figure of this name.
         """
         figures = {figure.name: figure for figure in self.report().document.figures}
         if name not in figures:
@@ -37,9 +37,9 @@ class HasFigures:
 
 
 class ReportableResult(HasFigures, results.Result):
-    """The result of a scenario, which a notebook shows as its ranking.
+    """Result of a scenario, which a notebook shows as its ranking.
 
-    ``result["ekf_cv"].position_rmse.value`` is a metric of a tracker, ``result.to_pandas("steps")`` a table.
+    ``result["ekf_cv"].position_rmse.value`` is a metric of a tracker; ``result.to_pandas("steps")`` is a table.
     """
 
     @classmethod
@@ -65,13 +65,13 @@ class ReportableResult(HasFigures, results.Result):
         return "".join([shown, *missing])
 
 
-#: Of a report in a notebook, pixels; it scrolls.
+#: Height of a report in a notebook, which scrolls, pixels.
 HEIGHT = 640
 FIGURE_ENDINGS = (".svg", ".pdf", ".png")
 
 
 class Report:
-    """A report. A notebook shows it as a page, ``print`` as text."""
+    """Report, which a notebook shows as a page and ``print`` as text."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -90,7 +90,7 @@ class Report:
         return f'<iframe srcdoc="{page}" width="100%" height="{HEIGHT}" style="border: 0"></iframe>'
 
     def save(self, path: Path | str) -> None:
-        """Write it in the format of the file's ending.
+        """Write the report in the format of the file's ending.
 
         Args:
             path: ``.html``, ``.md`` or ``.txt`` for the report; ``.csv`` or ``.tex`` for its tables; ``.svg``, ``.pdf``
@@ -108,7 +108,7 @@ class Report:
 
 
 class ReportFigure:
-    """A figure of a report, which a notebook shows."""
+    """Figure of a report, which a notebook shows."""
 
     def __init__(self, figure: Figure) -> None:
         self.figure = figure
@@ -122,7 +122,7 @@ class ReportFigure:
         return figure_file(self.figure, "svg").decode()
 
     def save(self, path: Path | str) -> None:
-        """Write it, with its legend, as ``.svg``, ``.pdf`` or ``.png``.
+        """Write the figure, with its legend, as ``.svg``, ``.pdf`` or ``.png``.
 
         Raises:
             InputError: the ending is another one.
@@ -135,7 +135,7 @@ class ReportFigure:
         results.write_bytes(file, figure_file(self.figure, file.suffix.removeprefix(".")))
 
     def to_matplotlib(self) -> Any:
-        """A ``matplotlib.figure.Figure`` of it, with its legend, to be changed or saved."""
+        """Return the figure, with its legend, as a ``matplotlib.figure.Figure`` to be changed or saved."""
         from trackbench.document.drawing import matplotlib_figure
 
         return matplotlib_figure(self.figure)

@@ -1,4 +1,4 @@
-"""Running scenarios."""
+"""Run of scenarios: prepare, run, save and compare them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from trackbench.engine.choice import EngineName
 from trackbench.results import Result
 from trackbench.scenario import Scenario
 
-#: On a cluster, whatever its size: of so many scenarios the runs are asked for beside the one that is waited for.
+#: Number of scenarios whose runs a cluster is given ahead of the scenario that is waited for.
 AHEAD = 32
 Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
 
@@ -62,25 +62,25 @@ def run(
 ) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
 
-    The result of an engine is the same wherever it is made, to the last bit, but for the times.
+    With one engine the result is the same on any number of workers, to the last bit, but for the measured times.
 
     Args:
-        scenario: what :func:`load` gave or takes; or a list or tuple of these, which gives a list of results.
-        workers: number of processes; as many as there are cores unless given, where the work takes long.
-        cluster: a Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N`` for N workers on this machine.
-        out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
-            Several are also compared there. Nothing is written unless given.
-        engine: what computes: ``numpy``; ``fused``, machine code made of the same functions, which takes
-            ``trackbench[fast]``; or ``auto``, the fused one where it can be had and there is work enough for it.
-        in_process: whether trackers of your own get no process of their own: for a debugger.
-        tracker_timeout: longest time that one may take to answer a scan, s.
-        tracker_memory: most memory that one may take, GB; a quarter of the machine's or container's unless given.
-        progress: called with the number of runs done and of all of a scenario.
-        files: ``recording=False`` leaves ``recording.rrd`` out of the folder, and so for each such file.
+        scenario: a scenario, or an argument of :func:`load`; or a list or tuple of these, for a list of results.
+        workers: number of processes; one per core unless given, where the work takes long.
+        cluster: Dask cluster instead of processes: ``tcp://HOST:PORT``, or ``local:N`` for N workers on this machine.
+        out: folder in which each scenario gets a folder as by ``trackbench run``: result, report, recording, tables.
+            Several scenarios are also compared there. Nothing is written unless given.
+        engine: ``numpy``; ``fused``, machine code made of the same functions, which needs ``trackbench[fast]``; or
+            ``auto``, the fused engine where it is available and the work is large enough.
+        in_process: whether your own trackers run in this process, without limits, for a debugger.
+        tracker_timeout: longest time that your own tracker may take to answer a scan, s.
+        tracker_memory: largest memory of your own tracker, GB; a quarter of the machine's or container's unless given.
+        progress: called with the number of runs done and of all runs of a scenario.
+        files: ``NAME=False`` leaves a file out of the folder, such as ``recording=False`` for ``recording.rrd``.
 
     Raises:
         InputError: something is wrong in a scenario, nothing can be written to ``out``, no cluster can be reached,
-            or the engine cannot be had.
+            or the engine is not available.
         TrackbenchError: the folder cannot be written, or workers died.
     """
     if INSIDE in os.environ:
@@ -105,15 +105,15 @@ def run(
 
 
 def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
-    """The result of each scenario, saved where the plan says so; several are also compared there.
+    """Run prepared scenarios; return their results, saved and, if several, compared in the folder of the plan.
 
     Raises:
         TrackbenchError: the processes that do the work died, or a folder cannot be written.
     """
-    # The runner takes its time to import, which a mistake in a scenario need not wait for.
+    # Imported here: slow to import, and a mistake in a scenario is reported before it.
     from trackbench.runner.run import PendingRun
 
-    # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
+    # One process gains nothing from several scenarios at once, and a viewer shows one run at a time.
     one_by_one = (plan.workers == 1 and plan.cluster is None) or listener.observes
     ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or os.cpu_count() or 1
 
@@ -147,7 +147,7 @@ def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor
 
 def _compare(finished: Sequence[Result], out: Path, listener: Listener) -> None:
     ranked = [result.summary.headline for result in finished if result.summary.truth.known]
-    # Comparable are results whose trackers the same metric ranks.
+    # Results can be compared if the same metric ranks their trackers.
     if len(set(ranked)) == len(ranked):
         return
     from trackbench.compare import compare_results, results_in

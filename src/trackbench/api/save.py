@@ -1,4 +1,4 @@
-"""The folder of a run: its pages, its recording, its tables."""
+"""Files in the folder of a run beside its numbers: pages, recording, and other files of subjects."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ from trackbench.results import Result
 
 
 def with_artifacts(result: Result, left_out: Collection[str] = ()) -> tuple[Result, dict[str, Callable[[Path], None]]]:
-    """Return the result, which names all files of its folder, and what writes those beside its numbers.
+    """Return the result with the names of all files of its folder, and a function that writes each file beside it.
 
-    Args:
-        result: of the run.
-        left_out: the files of subjects that are not written.
+    Subjects' files in ``left_out`` are not written.
     """
     from trackbench.document.html import to_html
     from trackbench.document.markdown import to_markdown

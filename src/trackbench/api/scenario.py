@@ -1,4 +1,4 @@
-"""A scenario of a file, of the package, or of a text or mapping at hand; its truth and its scans."""
+"""Load a scenario from a file, the package, a text or a mapping; return its truth and its scans."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.load import in_worlds, scenario_of, select_trackers
 from trackbench.scenario.validate import same_every_run
 
-#: A file, a name such as ``highway``, the text of a scenario file, or its keys and values.
+#: File, name such as ``highway``, text of a scenario file, or its keys and values.
 Named = Path | str | Mapping[str, Any]
-#: As which a text at hand is read: what it names is looked for in the working directory.
-AT_HAND = Path("scenario.yaml")
+#: Path of a scenario that is no file: relative paths in it start in the working directory.
+UNSAVED = Path("scenario.yaml")
 
 
 def load(
@@ -30,44 +30,44 @@ def load(
     scenes: int | None = None,
     trackers: Iterable[str] | None = None,
 ) -> Scenario:
-    """A scenario, read and validated; nothing is simulated.
+    """Read and validate a scenario; nothing is simulated.
 
     Args:
         scenario: a YAML file; the name of a scenario that comes with trackbench, such as ``highway``; the text of a
-            scenario file (with a line break); or the same as a mapping, in which a class may stand for its name:
-            ``{"use": Mine}``.
+            scenario file (with a line break); or its keys and values as a mapping, in which a class may stand for its
+            name: ``{"use": Mine}``.
         set: keys to change: ``{"sensors.lidar.rate_hz": 5}`` or ``["sensors.lidar.rate_hz=5"]``.
         runs: number of Monte-Carlo runs instead of the scenario's.
-        seed: of the noise, instead of the scenario's.
-        scenes: number of scenes; the same as ``truth.seeds``.
-        trackers: names of those to keep; all unless given.
+        seed: seed of the noise instead of the scenario's.
+        scenes: number of scenes, as by ``truth.seeds``.
+        trackers: names of the trackers to keep; all unless given.
 
     Raises:
         InputError: there is no such scenario, or something in it is wrong; with file, line and key.
     """
     if not isinstance(scenario, Path | str | Mapping):
         raise InputError(f"{scenario!r} is no scenario; give a file, a name such as 'highway', a text or a mapping")
-    for key, value in set.items() if isinstance(set, Mapping) else ():
+    settings = set if isinstance(set, Mapping) else {}
+    for key, value in settings.items():
         if isinstance(value, type) and key.startswith("trackers.") and key.count(".") == 1:
             raise InputError(
                 f"write the class of a tracker under use: {{{key!r}: {{'use': {value.__name__}}}}}", key=key
             )
-    changes = [f"{key}={_yaml(value, key)}" for key, value in set.items()] if isinstance(set, Mapping) else set
-    overrides = listed(changes)
+    overrides = [f"{key}={_yaml(value, key)}" for key, value in settings.items()] or listed(set)
     options = {"monte_carlo.runs": runs, "monte_carlo.seed": seed, "truth.seeds": scenes}
     overrides += [f"{key}={_yaml(value, key)}" for key, value in options.items() if value is not None]
     try:
         if isinstance(scenario, Mapping):
-            loaded = scenario_of(_yaml(scenario), AT_HAND, overrides)
+            loaded = scenario_of(_yaml(scenario), UNSAVED, overrides)
         elif isinstance(scenario, str) and "\n" in scenario:
-            loaded = scenario_of(scenario, AT_HAND, overrides)
+            loaded = scenario_of(scenario, UNSAVED, overrides)
         else:
             loaded = load_scenario(scenario, overrides)
     except InputError as error:
-        for key, value in set.items() if isinstance(set, Mapping) else ():
+        for key, value in settings.items():
             if isinstance(value, Mapping) and value and str(error.file).startswith(f"--set {key}="):
-                one = {f"{key}.{name}": part for name, part in [*value.items()][:1]}
-                hint = f"a mapping replaces all of {key}; to change one key of it write {one}"
+                example = {f"{key}.{name}": part for name, part in [*value.items()][:1]}
+                hint = f"a mapping replaces all of {key}; to change one key of it write {example}"
                 raise InputError(f"{error.message}; {hint}", key=error.key, file=error.file) from None
         raise
     return loaded if trackers is None else select_trackers(loaded, listed(trackers))
@@ -83,11 +83,11 @@ def load_several(
     trackers: Iterable[str] | None = None,
     worlds: Sequence[str] = (),
 ) -> tuple[list[Scenario], list[str]]:
-    """As :func:`load` each; what always has one run or one scene keeps it, if another one takes ``runs`` or ``scenes``.
+    """Load each scenario in each of its worlds.
 
     Returns:
-        The scenarios, each in every world that is named, or that it states; and a sentence on those that an option
-        does not change, and on each world in which one cannot be.
+        The scenarios, each in the named worlds or in its own; and a sentence on each scenario, of several, whose only
+        run or scene ``runs`` or ``scenes`` cannot multiply, and on each world that does not fit a scenario.
     """
     named, notes, loaded = [*scenarios], list[str](), list[Scenario]()
     for item in named:
@@ -98,18 +98,18 @@ def load_several(
             for option in [option for option in change if fixed[option]]:
                 notes.append(f"{config.name} always has one {option[:-1]}: --{option} is ignored")
                 del change[option]
-        several, own = in_worlds(load(item, set, seed=seed, trackers=trackers, **change), worlds)
-        loaded += several
-        notes += own
+        variants, world_notes = in_worlds(load(item, set, seed=seed, trackers=trackers, **change), worlds)
+        loaded += variants
+        notes += world_notes
     return loaded, notes
 
 
 def worlds(scenario: Scenario | Named, names: Iterable[str] = ()) -> list[Scenario]:
-    """A scenario in each of its worlds, for :func:`run` and :func:`compare`; those in which it cannot be are left out.
+    """Return a scenario in each of its worlds, for :func:`run` and :func:`compare`; without worlds that do not fit it.
 
     Args:
-        scenario: what :func:`load` gave or takes.
-        names: of worlds; those that the scenario states unless given.
+        scenario: a scenario, or an argument of :func:`load`.
+        names: names of the worlds; unless given, the scenario's own list.
 
     Raises:
         InputError: something is wrong in the scenario, or there is no world of a name.
@@ -118,17 +118,17 @@ def worlds(scenario: Scenario | Named, names: Iterable[str] = ()) -> list[Scenar
 
 
 def loaded_scenario(scenario: Scenario | Named) -> Scenario:
-    """A scenario that is loaded already, or is loaded as it is."""
+    """Return a loaded scenario unchanged, and load any other."""
     return scenario if isinstance(scenario, Scenario) else load(scenario)
 
 
 def listed(texts: Iterable[str]) -> list[str]:
-    """Texts as a list; a single one is a list of itself, not of its letters."""
+    """Return texts as a list; a single text becomes a list of one text, not of its letters."""
     return [texts] if isinstance(texts, str) else [*texts]
 
 
 def _yaml(value: Any, key: str | None = None) -> str:
-    """A value as YAML, of which JSON is a part that says what is text."""
+    """Return a value as JSON, which is YAML that marks texts as such."""
     try:
         return json.dumps(value, default=_plain, indent=None if key else 2, allow_nan=False)
     except (TypeError, ValueError, AttributeError) as error:
@@ -136,7 +136,7 @@ def _yaml(value: Any, key: str | None = None) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A class as the text that names it; numbers and arrays of NumPy have ``tolist()``."""
+    """Return a class as a reference to it, and a number or array of NumPy as plain numbers."""
     if isinstance(value, type | FunctionType):
         return reference_to(value)
     if not hasattr(value, "tolist"):
@@ -146,10 +146,10 @@ def _plain(value: Any) -> Any:
 
 
 def truth(scenario: Scenario | Named) -> Truth:
-    """The motion of every target and of the observer, simulated unless it is in the cache.
+    """Return the motion of every target and of the observer, simulated unless it is in the cache.
 
     Args:
-        scenario: what :func:`load` gave or takes.
+        scenario: a scenario, or an argument of :func:`load`; the truth is of its first scene.
 
     Raises:
         InputError: something is wrong in the scenario, or a recording cannot be read.
@@ -160,20 +160,20 @@ def truth(scenario: Scenario | Named) -> Truth:
 
 
 def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
-    """The scans of some runs, in the order of their times: what each tracker gets, bit for bit.
+    """Return the scans of some runs in the order of their times, with the bits that each tracker gets.
 
     Args:
-        scenario: what :func:`load` gave or takes.
-        runs: their numbers, from 0.
+        scenario: a scenario, or an argument of :func:`load`; the scans are of its first scene.
+        runs: numbers of the runs, from 0.
 
     Returns:
-        Scans of which ``measurement`` is ``(m, objects, runs)`` and ``valid`` is ``(objects, runs)``; the objects are
-        those of the truth's ``ids``. Where the scenario hides the identities: ``(m, D)`` and ``(D,)``, of one run.
+        Scans with ``measurement`` ``(m, objects, runs)`` and ``valid`` ``(objects, runs)``; objects are in the order of
+        the truth's ``ids``. With hidden identities: ``(m, D)`` and ``(D,)``, of one run.
 
     Raises:
         InputError: something is wrong in the scenario, it has no such run, or identities are hidden in several runs.
     """
-    # A scenario is loaded without them.
+    # Imported here: loading a scenario does not need them.
     from trackbench.runner.work import work_of
     from trackbench.scenario.truth import truth_of
     from trackbench.sensing import scans
@@ -182,10 +182,10 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
     loaded = loaded_scenario(scenario)
     if not isinstance(runs, range) or not runs:
         raise InputError(f"{runs!r} is no range of runs; write range(3) for the first three", key="runs")
-    there = loaded.config.monte_carlo.runs
+    total = loaded.config.monte_carlo.runs
     for run in runs:
-        if run not in range(there):
-            raise InputError(f"there is no run {run}; choose from 0 to {there - 1}", key="runs", file=loaded.path)
+        if run not in range(total):
+            raise InputError(f"there is no run {run}; choose from 0 to {total - 1}", key="runs", file=loaded.path)
     hidden = loaded.config.sensing.identities == "hidden"
     if hidden and len(runs) != 1:
         message = "with hidden identities each run has its own number of detections; ask for one run at a time"
@@ -195,9 +195,9 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
     sensors = work.scenes[0].sensors
     if hidden:
         return [scan_of_run(scan, 0) for scan in sense_hidden(sensors, work.seed, work.scenario, runs).scans]
-    seen = scans.sense_known(sensors, work.seed, work.scenario, runs).scans
+    sensed = scans.sense_known(sensors, work.seed, work.scenario, runs).scans
     shape = (len(loaded_truth.truth.ids), len(runs))
     return [
         scan._replace(measurement=scan.measurement.reshape(-1, *shape), valid=scan.valid.reshape(shape))
-        for scan in seen
+        for scan in sensed
     ]

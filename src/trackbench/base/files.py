@@ -67,10 +67,12 @@ def read_text(file: Path, remedy: str = "") -> str:
     """Return the text of a file in UTF-8; ``remedy`` ends the message about a file in another encoding.
 
     Raises:
-        FileNotFoundError: there is no such file.
-        InputError: it is no regular file, cannot be read, or is not UTF-8.
+        InputError: there is no such file, or it is no regular file, cannot be read, or is not UTF-8.
     """
-    raw = read_bytes(file)
+    try:
+        raw = read_bytes(file)
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=file) from None
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -1,4 +1,7 @@
-"""The command line."""
+"""Command line: reads arguments, calls ``trackbench.api`` or a subject, and prints the result.
+
+Arguments come in; text or JSON on stdout, messages on stderr and an exit status go out. Read ``commands.py`` first.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from trackbench.cli import parent
 
 
 def main() -> None:
-    """The console script. Exit status: see the README."""
+    """Run the console script, and exit with a status that the README explains."""
     _open_missing_streams()
     # Before the commands are imported, so that the process which waits for them is small.
     if parent.is_wanted(sys.argv[1:]):
@@ -27,10 +30,10 @@ def _redirected_command() -> int:
 
 
 def _command() -> int:
-    # The modules and figures of a command are some hundred thousand objects that stay: to look at them at every 700 new
-    # ones took a tenth of a short run.
+    # A command has some hundred thousand lasting objects: garbage collection at every 700 new ones took a tenth of the
+    # time of a short run.
     gc.set_threshold(500_000, 50, 100)
-    # The commands take their time to import, in which Ctrl-C is as good as later.
+    # Ctrl-C must also be handled while the commands are imported.
     try:
         from trackbench.cli.commands import run_command_line
     except KeyboardInterrupt:
@@ -40,7 +43,7 @@ def _command() -> int:
 
 
 def _open_missing_streams() -> None:
-    """Keep the numbers of closed streams, so that no file that is opened gets one; messages go nowhere."""
+    """Open the null device for each closed standard stream, so that no file gets the number of one."""
     for number in range(3):
         try:
             os.fstat(number)

@@ -1,4 +1,4 @@
-"""``trackbench``: the commands, and what becomes of an error."""
+"""``trackbench``: its commands, and the message and exit status of each kind of error."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def _require_stdout() -> None:
         raise OutputError("standard output is closed; to print nothing, send it to /dev/null")
 
 
-def _failed(text: str, status: int) -> int:
-    """Return the status, after a message on stderr, where that can be written."""
+def _fail(text: str, status: int) -> int:
+    """Print a message on stderr, if that can be written, and return the status."""
     with suppress(OSError, ValueError, AttributeError):
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
@@ -51,13 +51,13 @@ def _failed(text: str, status: int) -> int:
 
 
 def _and_plugins() -> str:
-    """The end of a message: with which plug-ins."""
+    """Return the end of a message, with the names of the plug-ins."""
     words = with_plugins()
     return words and f", {words}"
 
 
 def _abandon_streams() -> None:
-    """Let what cannot be written go nowhere, so that the interpreter does not try it again as it ends."""
+    """Send text that cannot be written to the null device, so that the interpreter does not fail on it at its end."""
     for stream in (answer(), sys.stderr):
         if stream is None:
             continue
@@ -85,10 +85,10 @@ COMMANDS = {
 
 
 class Commands(click.Group):
-    """The commands, each imported when it is called."""
+    """Group of all commands; a command is imported when it is called."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        # One that is interrupted says so in one line, before which Click would print an empty one.
+        # Click would print an empty line before the message of an interrupted command.
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, EOFError) as error:
@@ -121,12 +121,12 @@ def cli() -> None:
     """
     \b
     Example:  trackbench run highway    # trackers, on the same truth and noise
-    """
+    """  # noqa: D205, D212, D415
 
 
 def run_command_line() -> int:
     """Return the exit status, which the README explains, after the command in ``sys.argv``."""
-    # A run that is told to end tidies up as one that is interrupted.
+    # A run that gets SIGTERM tidies up as after Ctrl-C.
     for number in (signal.SIGINT, signal.SIGTERM):
         if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interruption)
@@ -139,10 +139,10 @@ def run_command_line() -> int:
     except OSError as error:
         where = "standard output" if error.filename is None else shortened_text(str(error.filename))
         if error.errno == errno.ENAMETOOLONG:
-            status = _failed(f"{where}: the name is too long for the file system", BAD_INPUT)
+            status = _fail(f"{where}: the name is too long for the file system", BAD_INPUT)
         else:
             problem = f"cannot write {where}: {error.strerror or error}{_and_plugins()}"
-            status = _failed(f"trackbench: {problem}", CANNOT_WRITE)
+            status = _fail(f"trackbench: {problem}", CANNOT_WRITE)
     except KeyboardInterrupt as error:
         status = _interrupted(error)
     _abandon_streams()
@@ -150,7 +150,7 @@ def run_command_line() -> int:
 
 
 def _run() -> int:
-    """The status of the command; its error is said.
+    """Run the command, print the message of its error, if any, and return the exit status.
 
     Raises:
         OSError: standard output cannot be written.
@@ -164,13 +164,13 @@ def _run() -> int:
     except click.ClickException as error:
         shown = io.StringIO()
         error.show(shown)
-        return _failed(shown.getvalue().rstrip(), BAD_INPUT)
+        return _fail(shown.getvalue().rstrip(), BAD_INPUT)
     except InputError as error:
-        return _failed(str(error), BAD_INPUT)
+        return _fail(str(error), BAD_INPUT)
     except OutputError as error:
-        return _failed(f"trackbench: {error}{_and_plugins()}", CANNOT_WRITE)
+        return _fail(f"trackbench: {error}{_and_plugins()}", CANNOT_WRITE)
     except TrackbenchError as error:
-        return _failed(f"trackbench: {error}", BAD_INPUT)
+        return _fail(f"trackbench: {error}", BAD_INPUT)
     except click.Abort as error:
         return _interrupted(error)
     except KeyboardInterrupt:
@@ -181,7 +181,7 @@ def _run() -> int:
 
 
 def _unexpected(error: BaseException) -> int:
-    """The status after an error that is no message for the user; it is said whose it is.
+    """Print an unforeseen error, with the code that is at fault, and return the exit status.
 
     Raises:
         OSError: standard output cannot be written.
@@ -191,25 +191,22 @@ def _unexpected(error: BaseException) -> int:
     match error:
         case OSError():
             raise error
-        case SystemExit() if not with_plugins() or _raised_in(error) in ("rich", "click"):
+        case SystemExit() if not with_plugins() or _raising_package(error) in ("rich", "click"):
             # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
             return UNREAD if error.code else 0
         case MemoryError():
-            return _failed(
-                "trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT
-            )
+            return _fail("trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT)
     if plugins := with_plugins():
         log.info("a command that failed", exc_info=error)
         frame = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(frame.filename).name}:{frame.lineno}, in {frame.name}"
         cause = f"{type(error).__name__}: {printable(str(error))} ({place}), {plugins}"
-        return _failed(f"trackbench: no result: {cause}; if it fails without it, trackbench is at fault", BAD_INPUT)
+        return _fail(f"trackbench: no result: {cause}; if it fails without it, trackbench is at fault", BAD_INPUT)
     # Not 1, which says that an expectation failed.
-    return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
+    return _fail(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
 
 
-def _raised_in(error: BaseException) -> str:
-    """The package whose code raised it."""
+def _raising_package(error: BaseException) -> str:
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     return str(frames[-1].f_globals.get("__name__", "")).partition(".")[0] if frames else ""
 
@@ -218,7 +215,7 @@ def _plugin_failed(error: BaseException) -> int:
     # Imported here: NumPy comes with it, for which --help need not wait.
     from trackbench.driving.faults import fault_of
 
-    return _failed(f"trackbench: a plug-in failed: {fault_of(error)}", BAD_INPUT)
+    return _fail(f"trackbench: a plug-in failed: {fault_of(error)}", BAD_INPUT)
 
 
 def _require_place() -> None:
@@ -237,4 +234,4 @@ def _interrupted(error: BaseException) -> int:
         return _plugin_failed(error)
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
-    return _failed(f"{start}interrupted: {str(error) or UNFINISHED}", INTERRUPTED)
+    return _fail(f"{start}interrupted: {str(error) or UNFINISHED}", INTERRUPTED)

@@ -1,4 +1,4 @@
-"""The reference of the command line, made from its help.
+"""Reference page of the command line, made from its help texts.
 
 ``python -m trackbench.cli.docs`` prints it.
 """
@@ -14,7 +14,7 @@ import click
 from trackbench.cli.commands import cli
 from trackbench.cli.run import run_command
 
-#: The examples of a help text, which the pages on the commands have too.
+#: Examples in a help text, which are left out: other pages have them.
 EXAMPLES = re.compile(r"\n\n  Examples?:(?:\n    .*)+")
 INTRODUCTION = """\
 # The command line
@@ -63,7 +63,7 @@ def _commands(command: click.Command, context: click.Context) -> Iterator[str]:
         yield f"## {context.command_path}"
         yield f"```text\n{EXAMPLES.sub('', shown.get_help(context))}\n```"
     if shared:
-        yield f"Explained under [run](#trackbench-run): {', '.join(f'`{option.opts[-1]}`' for option in shared)}."
+        yield f"Options shared with [run](#trackbench-run): {', '.join(f'`{option.opts[-1]}`' for option in shared)}."
     if isinstance(command, click.Group):
         for name in command.list_commands(context):
             inner = command.get_command(context, name)

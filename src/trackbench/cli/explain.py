@@ -14,7 +14,7 @@ from trackbench.cli.answer import print_answer
 from trackbench.cli.listing import rows
 from trackbench.metrics.verdicts import MEANING
 
-#: Of what `trackbench list` shows too, the heading of a page; empty: the name of each entry.
+#: Lists of `trackbench list` that are terms too, with the heading of their pages; empty for the name of each entry.
 LISTED = {"filters": "filter", "worlds": "world", "metrics": ""}
 GLOSSARY = """\
 # Glossary
@@ -27,14 +27,14 @@ A reference: every word of a table, a report or an examination. `trackbench expl
 def terms() -> dict[str, list[TermPage]]:
     """Return every term, by subject."""
     vocabulary = yaml.safe_load(Path(__file__).with_name("vocabulary.yaml").read_text(encoding="utf-8"))
-    own = {subject: _pages(subject.removesuffix("s"), words.items()) for subject, words in vocabulary.items()}
-    own |= {subject: _pages(heading, rows(subject)) for subject, heading in LISTED.items()}
-    own["verdicts"] = _pages("a verdict on a covariance", MEANING.items())
-    return own | {subject: list(resolve(target)()) for subject, target in offered("terms")}
+    pages = {subject: _pages(subject.removesuffix("s"), words.items()) for subject, words in vocabulary.items()}
+    pages |= {subject: _pages(heading, rows(subject)) for subject, heading in LISTED.items()}
+    pages["verdicts"] = _pages("a verdict on a covariance", MEANING.items())
+    return pages | {subject: list(resolve(target)()) for subject, target in offered("terms")}
 
 
 def _pages(heading: str, entries: Iterable[tuple[str, str]]) -> list[TermPage]:
-    """Return a page for each name; what has a path, such as ``rmse.px``, is on the page of its first part."""
+    """Return a page for each name; entries with a path, such as ``rmse.px``, are on the page of its first part."""
     pages: dict[str, list[tuple[str, str]]] = {}
     for path, text in entries:
         pages.setdefault(path.partition(".")[0], []).append((heading or path, text))
@@ -43,9 +43,9 @@ def _pages(heading: str, entries: Iterable[tuple[str, str]]) -> list[TermPage]:
 
 def glossary() -> str:
     """Return all terms as one page."""
-    every = [page for subject, own in terms().items() if subject not in ("faults", "checks", "worlds") for page in own]
+    pages = [page for key, part in terms().items() if key not in ("faults", "checks", "worlds") for page in part]
     sections: dict[str, dict[str, None]] = {}
-    for name, entries in sorted(every, key=lambda page: page.name.strip("/").lower()):
+    for name, entries in sorted(pages, key=lambda page: page.name.strip("/").lower()):
         section = sections.setdefault(name.lower(), {f"## {name}": None})
         for heading, text in entries:
             label = f"*{heading}*: " if heading not in ("term", name) else ""
@@ -63,12 +63,12 @@ def explain_command(term: str | None) -> None:
       trackbench explain NEES
     """
     subjects = terms()
-    pages = [page for own in subjects.values() for page in own]
+    pages = [page for listed in subjects.values() for page in listed]
     if term is None:
-        paragraphs = [f"{subject}: {', '.join(page.name for page in own)}" for subject, own in subjects.items()]
+        paragraphs = [f"{subject}: {', '.join(page.name for page in listed)}" for subject, listed in subjects.items()]
     else:
-        found = [page for page in pages if page.name.lower() == term.lower()]
-        paragraphs = [part for page in found for part in (page.name, *map(": ".join, page.page))]
+        matching = [page for page in pages if page.name.lower() == term.lower()]
+        paragraphs = [part for page in matching for part in (page.name, *map(": ".join, page.page))]
     if not paragraphs:
         near = did_you_mean(similar_names(str(term).lower(), [page.name for page in pages]))
         raise InputError(f"there is no page on {term!r}: {near or '`trackbench explain` lists them'}")

@@ -22,13 +22,13 @@ from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
-from trackbench.scenario.shipped import at_hand, files_of_scenarios, shown_name
+from trackbench.scenario.shipped import available_scenarios, files_of_scenarios, shown_name
 
 Row = tuple[str, str]
 
 
 def _scenarios() -> Iterator[Row]:
-    for name, file in at_hand().items():
+    for name, file in available_scenarios().items():
         try:
             yield name, load_scenario(file).config.description
         except InputError as error:
@@ -49,12 +49,11 @@ def _trackers() -> Iterator[Row]:
 
 
 def _table(target: str) -> Iterable[Row]:
-    """The entries of a mapping."""
     return cast("Mapping[str, str]", resolve(target)).items()
 
 
 def registered(registry: str | Registry[Any], *without: str) -> Iterator[Row]:
-    """Yield the plug-ins of a registry, or of its ``module:attribute``, with their options, but for some fields."""
+    """Yield the plug-ins of a registry, or of its ``module:attribute``, with options except ``without``."""
     return _plugins(resolve(registry) if isinstance(registry, str) else registry, partial(_options, without=without))
 
 
@@ -74,7 +73,7 @@ def _truth() -> Iterator[Row]:
 
 
 def _plugins(registry: Registry[Any], options_in_words: Callable[[Any], str]) -> Iterator[Row]:
-    """The first line of each one's docstring and its options; of one that fails, the reason."""
+    """Yield the first line of each plug-in's docstring and its options, or the reason why it fails."""
     loaded, failed = registry.loaded(), registry.failures()
     for name in registry.names():
         if name in failed:
@@ -85,7 +84,7 @@ def _plugins(registry: Registry[Any], options_in_words: Callable[[Any], str]) ->
 
 
 def _options(model: Any, without: Sequence[str] = ()) -> str:
-    """The options of a class with their units, but for some fields."""
+    """Return the options of a class in words, with their units, except ``without``."""
     from trackbench.base.config.key_units import split_key
 
     names = [field.alias or name for name, field in model.model_fields.items() if name not in without]
@@ -138,7 +137,7 @@ Example:
 
 
 def rows(what: str) -> Iterable[Row]:
-    """Names and descriptions of one of ``LISTS``."""
+    """Return the names and descriptions of one of ``LISTS``."""
     return (_CORE[what] if what in _CORE else resolve(_OF_SUBJECTS[what].target))()
 
 

@@ -1,4 +1,4 @@
-"""Options and arguments that several commands share, those that subjects add, and what a shell completes."""
+"""Options and arguments that several commands share, and options that subjects add."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ FAILED_EXPECTATION = 1
 
 
 def junit_option(summary: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """``--junit``, a file."""
+    """Return the option ``--junit``, a file."""
     return click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help=summary)
 
 
 def write_suites(suites: Sequence[Suite], junit: Path | None) -> None:
-    """Write test cases as the file of ``--junit``, where it is given."""
+    """Write test cases to the file of ``--junit``, if that is given."""
     from trackbench.report.junit import to_xml
     from trackbench.results import write_bytes
 
@@ -43,11 +43,11 @@ def write_suites(suites: Sequence[Suite], junit: Path | None) -> None:
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:
-    """Exit with status 0 if every limit is shown to be kept, else with 1, and say so in the last line on stderr.
+    """Exit with status 0 if every limit is shown to be kept, else with 1; print the reason as last line on stderr.
 
     Args:
-        outcomes: what became of each limit.
-        status: another status, such as that of a tracker that failed, which comes first.
+        outcomes: outcome of each limit.
+        status: status that has precedence unless it is 0, such as that for a failed tracker.
 
     Raises:
         click.exceptions.Exit: always.
@@ -61,7 +61,7 @@ def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoRetur
 
 
 def out_option(summary: str, default: str | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """``--out``, a folder."""
+    """Return the option ``--out``, a folder."""
     return click.option(
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
@@ -73,7 +73,7 @@ def out_option(summary: str, default: str | None = None) -> Callable[[Callable[.
 
 
 class NearestChoice(click.Choice[str]):
-    """Says which word may be meant."""
+    """Choice of words whose error message proposes the nearest word."""
 
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
         words = [str(choice) for choice in self.choices]
@@ -82,21 +82,21 @@ class NearestChoice(click.Choice[str]):
         return f"{super().get_invalid_choice_message(value, ctx)} {hint[:1].upper()}{hint[1:]}".rstrip()
 
 
-#: Type of each ``--workers``.
+#: Type of the options ``--workers``.
 WORKERS = click.IntRange(1, MOST_WORKERS)
 
 
 class Finite(click.FloatRange):
-    """A finite number between the ends of the range, in the digits 0 to 9."""
+    """Finite number in a range, in the digits 0 to 9."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number; NaN, infinities, underscores and digits of other scripts are refused."""
+        """Return the number; refuse NaN, infinities, underscores and digits of other scripts."""
         if not math.isfinite(stated_number(str(value).strip())):
             self.fail(f"{shortened_text(str(value), 40)!r} is not a finite number", param, ctx)
         return super().convert(value, param, ctx)
 
 
-#: The command gets it as ``engine``.
+#: Option ``--engine``; the command gets its value as ``engine``.
 engine_option = click.option(
     "--engine",
     type=NearestChoice(ENGINE_NAMES),
@@ -108,7 +108,7 @@ engine_option = click.option(
 
 
 def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options, and give the command ``isolation``, an :class:`trackbench.driving.Isolation`."""
+    """Add the options that limit plug-ins; the command gets them as ``isolation``, an ``Isolation``."""
 
     @click.option(
         "--tracker-timeout",
@@ -137,7 +137,7 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def artifact_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--no-NAME`` for each file of a subject in the folder of a run; the command gets those as ``left_out``."""
+    """Add ``--no-NAME`` for each subject's file in the folder of a run; the command gets the names as ``left_out``."""
     offers = dict(offered("artifacts"))
 
     @functools.wraps(command)
@@ -150,7 +150,7 @@ def artifact_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
-#: The scenarios of a command that takes several.
+#: Argument with one or more scenarios.
 scenarios_argument = click.argument(
     "scenarios",
     nargs=-1,
@@ -161,21 +161,21 @@ scenarios_argument = click.argument(
 
 
 def names_in(text: str) -> list[str]:
-    """Of an option's value such as ``A,B``."""
+    """Return the names in an option's value such as ``A,B``."""
     return [name for item in text.split(",") if (name := item.strip())]
 
 
-#: Of the options of all subjects, by parameter.
+#: Values of the options of all subjects, by parameter.
 OptionValues = Mapping[str, Any]
 
 
 class RunOptions(NamedTuple):
-    """The options of a subject."""
+    """Options that a subject adds to ``trackbench run``."""
 
     add: Callable[[Callable[..., Any]], Callable[..., Any]]
-    """Decorates the command with Click options."""
+    """Decorator that adds the Click options to a command."""
     follow: Callable[[Sequence[Scenario], OptionValues], AbstractContextManager[Listener | None]]
-    """Gives a listener to the run, or None without such an option; refuses options that do not fit the scenarios."""
+    """Context with the listener to the run, or None without such an option; refuses options that do not fit."""
 
 
 def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -187,14 +187,14 @@ def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def followers(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[list[Listener]]:
-    """Yield what follows the run.
+    """Yield the subjects' listeners to the run.
 
     Raises:
         InputError: options contradict each other, or do not fit the scenarios.
     """
     with ExitStack() as stack:
-        every = [stack.enter_context(options.follow(scenarios, values)) for options in _registered()]
-        yield [listener for listener in every if listener is not None]
+        listeners = [stack.enter_context(options.follow(scenarios, values)) for options in _registered()]
+        yield [listener for listener in listeners if listener is not None]
 
 
 def _registered() -> Iterator[RunOptions]:

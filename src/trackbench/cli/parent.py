@@ -1,7 +1,7 @@
-"""The process that a shell sees: it starts the command in a child, waits for its status, and says so where none comes.
+"""Process that a shell sees: it starts the command in a child process, and reports where no status comes back.
 
-A metric or a motion model of a user runs in the process of the command and may end it, as by ``os._exit(0)``. Only a
-status that the command itself has told is a result.
+A user's metric or motion model runs in the process of the command and may end it, as by ``os._exit(0)``. Only a status
+that the command itself has sent is a result.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import NoReturn
 
 from trackbench.base.exit_status import FAULT, INTERRUPTED
 
-#: Options of commands that run no plug-in, or want no other process between them and a debugger.
+#: Options of commands that run no plug-in, or that need no process between them and a debugger.
 WITHOUT_PARENT = {"--help", "-h", "--version", "--in-process"}
-#: The signal to end that kills a command which does not listen to the ones before it.
+#: Number of the signal that kills a command; the signals before it ask the command to end.
 LAST_SIGNAL = 3
-#: What becomes of a command that is interrupted.
+#: Message on an interrupted command.
 UNFINISHED = "the unfinished run was not kept"
 
 

@@ -1,4 +1,4 @@
-"""``trackbench report`` and ``trackbench compare``: finished runs."""
+"""``trackbench report`` and ``trackbench compare``: commands on finished runs."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ Examples:
 def report_command(run: Path, format: Format | Literal["mot"], out: Path | None) -> None:
     """Write the report of a saved result in any format."""
     if format == "mot":
-        from trackbench.report.export import exported
+        from trackbench.report.export import mot_files
 
-        _write(dict(exported(results.Result.load(run))), run if out is None else out)
+        _write(dict(mot_files(results.Result.load(run))), run if out is None else out)
         return
     from trackbench.document.files import files
     from trackbench.document.terminal import print_document
@@ -102,7 +102,7 @@ def _document(run: Path) -> Document:
 
 
 def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Path, str]:
-    """The folder of the files, and the name of the main one without its ending."""
+    """Return the folder of the files, and the name of the main file without its ending."""
     from trackbench.document.files import MAIN_ENDINGS
 
     if out is None:
@@ -174,10 +174,8 @@ def compare_command(
     for path, key in ((junit, "--junit"), (out, "--out")):
         if path is not None:
             results.require_file(path, key)
-    chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    comparison = compare_results(
-        [find_results(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed
-    )
+    names = None if trackers is None else [name.strip() for name in trackers.split(",")]
+    comparison = compare_results([find_results(path) for path in paths], metrics=metrics, trackers=names, limits=parsed)
     written = []
     for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)

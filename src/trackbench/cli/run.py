@@ -1,4 +1,4 @@
-"""``trackbench run``"""
+"""The command ``trackbench run``."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def run_command(
 
 
 def status(finished: Sequence[Result]) -> int:
-    """The exit status of finished runs."""
+    """Return the exit status of finished runs."""
     if any(tracker.failed for result in finished for tracker in result.summary.trackers):
         return FAILED_PLUGIN
     return 0 if all(result.summary.passed for result in finished) else FAILED_EXPECTATION

@@ -1,4 +1,4 @@
-"""What ``trackbench run`` prints, and hands on to what else follows the runs."""
+"""Output of ``trackbench run``; subjects' listeners get the same messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class RunOutput(Listener):
-    """Bars while work goes on, and the outcome of each scenario; with ``as_json`` neither prints to stdout."""
+    """Listener that shows progress bars and each scenario's outcome; with ``as_json`` it prints nothing to stdout."""
 
     def __init__(self, as_json: bool, quiet: bool, *, wide: bool = False) -> None:
         self._as_json = as_json
@@ -32,25 +32,21 @@ class RunOutput(Listener):
         self._wide = wide
         self._console = Console(file=answer())
         self.followers: list[Listener] = []
-        """What else is told of the runs while they go on."""
+        """Subjects' listeners, which get the same messages."""
 
     @property
     def observes(self) -> bool:
-        """With followers that do."""
         return any(follower.observes for follower in self.followers)
 
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
-        """Show a bar on stderr."""
         with progress(work, unit, quiet=self._quiet) as advance:
             yield advance
 
     def note(self, text: str) -> None:
-        """On stderr."""
         click.echo(text, err=True)
 
     def begin(self, item: Prepared) -> OnRecordedRun | None:
-        """The followers get the recorded run."""
         observers = [observe for follower in self.followers if (observe := follower.begin(item)) is not None]
 
         def observe_all(observed: list[Scan] | RecordedInstant) -> None:
@@ -60,7 +56,6 @@ class RunOutput(Listener):
         return observe_all if observers else None
 
     def end(self, result: Result, folder: Path | None) -> None:
-        """The table, or one line."""
         from trackbench.report.console import print_outcome, print_summary
 
         for follower in self.followers:
@@ -90,5 +85,5 @@ class RunOutput(Listener):
                 for table in world_tables(group):
                     print_table(table, self._console)
             scenarios = sum(len(group.scenarios) for group in comparison.groups)
-            said = [f"Comparison of {scenarios} scenarios: {page}", *scenarios_without_truth(comparison)]
-            self._console.print("; ".join(said), highlight=False, soft_wrap=True)
+            parts = [f"Comparison of {scenarios} scenarios: {page}", *scenarios_without_truth(comparison)]
+            self._console.print("; ".join(parts), highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What a command shows on stderr while it works: a progress bar, ``--quiet`` and ``--verbose``."""
+"""Output of a command on stderr while it works: progress bar and log, with ``--quiet`` and ``--verbose``."""
 
 from __future__ import annotations
 
@@ -17,22 +17,21 @@ from rich.table import Column
 
 from trackbench.base import types
 
-#: Seconds from one line on the progress to the next where there is no terminal.
+#: Time between two lines on the progress where there is no terminal, s.
 LINES_EVERY_S = 30.0
 
 
 @contextmanager
-def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.NotedProgress]:
-    """A bar that goes away when the work is done; until it is told of a total, it only says that work goes on. Without
-    a terminal a line every ``LINES_EVERY_S``.
+def progress(work: str, unit: str, *, quiet: bool = False) -> Iterator[types.NotedProgress]:
+    """Show a progress bar until the work is done; without a terminal print a line every ``LINES_EVERY_S``.
 
     Args:
-        what: the work.
-        unit: what is counted.
-        quiet: show nothing.
+        work: name of the work.
+        unit: unit in which the progress is counted.
+        quiet: whether nothing is shown.
 
     Yields:
-        A function to be called with how much is done, how much there is and, perhaps, what was reached.
+        A function that is called with the amount done, the total and, optionally, a note on what was reached.
     """
     console = Console(stderr=True)
     columns = (
@@ -45,15 +44,15 @@ def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Not
     # Rich may be told by its environment to write as to a terminal; what is redirected still gets no bar.
     shown = sys.stderr.isatty() and not console.is_dumb_terminal and not quiet
     with Progress(*columns, console=console, transient=True, expand=True, disable=not shown) as bar:
-        task = bar.add_task(escape(what), total=None, unit=unit, note="")
-        said = time.monotonic()
+        task = bar.add_task(escape(work), total=None, unit=unit, note="")
+        printed = time.monotonic()
 
         def advance(done: float, total: float, note: str = "") -> None:
-            nonlocal said
+            nonlocal printed
             bar.update(task, completed=done, total=total, note=note)
-            if not shown and not quiet and time.monotonic() - said >= LINES_EVERY_S:
-                said = time.monotonic()
-                parts = [f"{what}: {done:.0f} of {total:.0f} {unit}", note]
+            if not shown and not quiet and time.monotonic() - printed >= LINES_EVERY_S:
+                printed = time.monotonic()
+                parts = [f"{work}: {done:.0f} of {total:.0f} {unit}", note]
                 print(", ".join(filter(None, parts)), file=sys.stderr)
 
         yield advance
@@ -61,7 +60,7 @@ def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Not
 
 @contextmanager
 def if_interrupted(kept: str) -> Iterator[None]:
-    """Say what is kept of the work in this context, where Ctrl-C ends it."""
+    """Name the part of the work that is kept if Ctrl-C ends this context."""
     try:
         yield
     except KeyboardInterrupt:
@@ -70,24 +69,24 @@ def if_interrupted(kept: str) -> Iterator[None]:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-#: What every layer of trackbench says of its work goes to a logger below this one.
+#: Name of the logger above all loggers of trackbench.
 LOGGER = "trackbench"
 
 
 def quiet_option(text: str) -> Callable[[Command], Command]:
-    """``--quiet`` with its meaning for a command, which gets it as ``quiet``."""
+    """Return the option ``--quiet`` with its help; the command gets it as ``quiet``."""
     return click.option("-q", "--quiet", is_flag=True, help=text)
 
 
 def verbose_option(command: Command) -> Command:
-    """``--verbose``: the log of a command's work goes to stderr while it runs. The command gets nothing of it."""
+    """Add ``--verbose``, which sends the log of the work to stderr; the command does not get the option."""
     return click.option(
         "-v", "--verbose", is_flag=True, expose_value=False, callback=_listen, help="Say on stderr what is done."
     )(command)
 
 
 def log_to_stderr(ctx: click.Context, name: str, formatter: logging.Formatter, level: int = logging.INFO) -> None:
-    """Send what a logger gets to stderr, until the command ends."""
+    """Send the messages of a logger to stderr until the command ends."""
     logger, handler = logging.getLogger(name), _Stderr()
     handler.setFormatter(formatter)
     before = logger.level
@@ -102,7 +101,7 @@ def log_to_stderr(ctx: click.Context, name: str, formatter: logging.Formatter, l
 
 
 class _Stderr(logging.Handler):
-    """Writes to stderr as it is at each message: a progress bar stands in for it while it is shown."""
+    """Handler that looks up ``sys.stderr`` at each message, since a visible progress bar replaces it."""
 
     def emit(self, record: logging.LogRecord) -> None:
         print(self.format(record), file=sys.stderr)

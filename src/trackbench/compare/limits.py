@@ -110,4 +110,4 @@ def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
 
 def exit_line(outcomes: Sequence[GateOutcome], status: int) -> str:
     """Return a line with the number of kept limits, and the exit status with its rule."""
-    return f"{limits_in_words(outcomes)}: exit status {status} (0 if all limits are shown to be kept)"
+    return f"{limits_in_words(outcomes)}: exit status {status} (0: all kept)"

@@ -1,10 +1,12 @@
-"""A document as data: what a report says, free of any markup. Each renderer writes the same document in its format.
+"""Reports as data, free of markup, and their renderers for a terminal, HTML, Markdown, LaTeX, CSV and image files.
 
-The first screen of a page is a section of these, in this order: a strong :class:`Paragraph` (the answer), a
-:class:`Status` (expectations or gate), a :class:`Row` of a table and a figure, and folded sections (``folded=True``).
-Its table has bars (``Cell(text, bar=(value, low, high), tracker=name)`` under a ``Column``) and words of verdicts
-(``Cell("optimistic", tone="bad", chip=True)``); other formats show the texts alone. A page makes its navigation of the
-top sections, sets units and their spaces (:func:`typeset`), and scrolls wide tables under their key column.
+A report builds a :class:`Document` from the blocks in this file, the one to read first;
+:func:`trackbench.document.files.files` returns the document's files in a format.
+
+The first screen of a page is a section with a strong :class:`Paragraph` (the answer), a :class:`Status`, a
+:class:`Row` of a table and a figure, and folded sections. Its table has bars
+(``Cell(text, bar=(value, low, high), tracker=name)``) and verdicts (``Cell("optimistic", tone="bad", chip=True)``);
+other formats show only the texts.
 """
 
 from __future__ import annotations
@@ -24,150 +26,150 @@ Tone = Literal["", "good", "warn", "bad"]
 
 @dataclass(frozen=True)
 class TrackerStyle:
-    """How a tracker is drawn, the same in every figure."""
+    """Colour, line and marker of a tracker in every figure."""
 
     key: str
-    """Class and gid of all that is drawn of it."""
+    """CSS class and SVG id of everything drawn for the tracker."""
     name: str
     colour: str
     line: Any = "solid"
-    """A matplotlib line style; where colours repeat, they do with another one and a marker."""
+    """Matplotlib line style; with the marker it tells trackers of one colour apart."""
     marker: str = ""
 
     @property
-    def look(self) -> dict[str, Any]:
-        """What matplotlib draws its lines with."""
+    def line_options(self) -> dict[str, Any]:
+        """Keyword arguments of matplotlib for the tracker's lines."""
         return {"color": self.colour, "linestyle": self.line, "marker": self.marker, "markevery": 0.1, "gid": self.key}
 
     @property
-    def dot(self) -> dict[str, Any]:
-        """What matplotlib draws its points with."""
+    def point_options(self) -> dict[str, Any]:
+        """Keyword arguments of matplotlib for the tracker's points."""
         return {"color": self.colour, "linestyle": "none", "marker": self.marker or "o", "gid": self.key}
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table."""
+    """Cell of a table."""
 
     text: str
     details: tuple[str, ...] = ()
     """Lines of small print under the text."""
     tone: Tone = ""
     reason: str = ""
-    """Why there is no value; a footnote."""
+    """Reason for a missing value, shown as a footnote."""
     tracker: str = ""
-    """The tracker that the cell names, if it does."""
+    """Tracker that the cell names; empty in other cells."""
     strong: bool = False
-    """Whether it stands out, as the best do."""
+    """Whether the cell stands out, such as the best value."""
     link: str = ""
-    """Where it leads: a path relative to the document."""
+    """Path that the cell links to, relative to the document."""
     chip: bool = False
-    """Whether it is the word of a verdict, which a page shows as a label in its tone."""
+    """Whether the text is a verdict, which a page shows as a coloured label."""
     bar: tuple[float, float, float] | None = None
-    """A value and the ends of its interval, which a page draws under the text on the axis of the column."""
+    """Value and the ends of its interval, which a page draws under the text on the axis of the column."""
 
 
-#: A value more than so many times the lower median of all is far out.
-FAR = 4.0
+#: An axis cuts off values more than this many times the lower median.
+CUT_OFF_FACTOR = 4.0
 
 
 def end_of_axis(sizes: Iterable[float]) -> float:
-    """The largest of some sizes but for those far out, which an axis cuts off; 0 of none."""
+    """Return the largest positive size that an axis shows without cutting it off; 0 without any."""
     ordered = sorted(size for size in sizes if size > 0)
-    near = FAR * ordered[(len(ordered) - 1) // 2] if ordered else 0.0
-    return max((size for size in ordered if size <= near), default=0.0)
+    limit = CUT_OFF_FACTOR * ordered[(len(ordered) - 1) // 2] if ordered else 0.0
+    return max((size for size in ordered if size <= limit), default=0.0)
 
 
 @dataclass(frozen=True)
 class Column:
-    """The heading of a column."""
+    """Heading of a column."""
 
     heading: str
-    """With the unit of the numbers under it."""
+    """Heading with the unit of the numbers below."""
     explanation: str = ""
     left: bool = False
-    """Whether its cells are flush left (names, sentences) and not flush right (numbers)."""
+    """Whether the cells are flush left (names, sentences) instead of flush right (numbers)."""
     details: str = "details"
-    """What the small print in its cells is."""
+    """Heading of the cells' small print, which is a column of its own in CSV files."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells. A renderer numbers the reasons of missing values as footnotes."""
+    """Rows of cells under headings. A renderer numbers the reasons for missing values as footnotes."""
 
     name: str
-    """Of its file, where tables are files of their own (CSV, LaTeX)."""
+    """Name of the table's file (CSV, LaTeX), without ending."""
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
 
     @classmethod
     def of_columns(cls, name: str, columns: Sequence[tuple[Column, Sequence[Cell]]], caption: str = "") -> Table:
-        """A table from its columns, each with its cells from the top."""
+        """Return a table from its columns, each with its cells from the top."""
         rows = zip(*(cells for _, cells in columns), strict=True)
         return cls(name, tuple(column for column, _ in columns), tuple(rows), caption)
 
     @property
     def reasons(self) -> list[str]:
-        """Every reason for a missing value, once."""
+        """Reasons for missing values, without repetitions."""
         return list(dict.fromkeys(cell.reason for row in self.rows for cell in row if cell.reason))
 
     @property
     def key_column(self) -> int:
-        """The number of the column that says what a row is about; it stays in sight where the table scrolls."""
+        """Index of the column that names the row; it stays in sight where the table scrolls."""
         first = self.rows[0] if self.rows else ()
         return next((i for i, cell in enumerate(first) if cell.tracker), 0)
 
     def axis(self, index: int) -> tuple[float, float]:
-        """The ends of the axis of the bars of a column: from zero to the largest that is not far out."""
+        """Return the lower and upper end of the axis for the bars of a column; it includes zero."""
         bars = [row[index].bar for row in self.rows]
-        near = end_of_axis(abs(bar[0]) for bar in bars if bar)
-        shown = [end for bar in bars if bar and abs(bar[0]) <= near for end in bar]
+        limit = end_of_axis(abs(bar[0]) for bar in bars if bar)
+        shown = [end for bar in bars if bar and abs(bar[0]) <= limit for end in bar]
         return min(0.0, *shown), max(0.0, *shown)
 
     def mark(self, cell: Cell) -> str:
-        """The number of the footnote of a cell, or nothing."""
+        """Return the number of a cell's footnote; empty without one."""
         return str(self.reasons.index(cell.reason) + 1) if cell.reason else ""
 
 
 @dataclass(frozen=True)
 class LegendEntry:
-    """A line of a figure's legend."""
+    """Line of a figure's legend."""
 
     label: str
     colour: str
-    """``#rrggbb``, or one of the colours of :mod:`trackbench.document.drawing`."""
+    """``#rrggbb``, or a named colour of :mod:`trackbench.document.drawing`."""
     mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "plus", "ring", "triangle"] = "line"
     key: str = ""
-    """That of the tracker, where the entry is one."""
+    """Key of the tracker's style; empty for other entries."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure, drawn only when a renderer needs it."""
+    """Figure, drawn only when a renderer needs it."""
 
     name: str
-    """Of its file; letters, digits and dashes."""
+    """Name of the figure's file, without ending: letters, digits and dashes."""
     title: str
     caption: str
     alternative: str
-    """What it shows, for those who cannot see it."""
+    """Text alternative for readers who cannot see the figure."""
     paint: Callable[[figure.Figure], None]
-    """Draws it on an empty matplotlib figure."""
+    """Function that draws on an empty matplotlib figure."""
     height: float
-    """Pixels."""
+    """Height, pixels."""
     width: float | None = None
-    """Pixels; the width of a column of text unless given."""
+    """Width, pixels; None for the width of a column of text."""
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
-    """By the gid of an artist."""
+    """Tooltips by the gid of a matplotlib artist."""
     replay: ReplayScene | None = None
     """Scene that a page plays in place of the figure."""
 
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A sentence or more."""
+    """One or more sentences."""
 
     text: str
     strong: bool = False
@@ -175,7 +177,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Status:
-    """A few words that stand out, such as "2 of 3 expectations failed"."""
+    """Highlighted words, such as "2 of 3 expectations failed"."""
 
     text: str
     tone: Tone = ""
@@ -183,21 +185,21 @@ class Status:
 
 @dataclass(frozen=True)
 class Item:
-    """A line of a list."""
+    """Line of a list."""
 
     text: str
     label: str = ""
-    """What it is about, before the text."""
+    """Subject of the line, shown before the text."""
     detail: str = ""
-    """Small print."""
+    """Small print after the text."""
     tracker: str = ""
-    """The tracker that the label names, if it does."""
+    """Tracker that the label names; empty for other labels."""
     tone: Tone = ""
 
 
 @dataclass(frozen=True)
 class Items:
-    """A list."""
+    """Bulleted or numbered list."""
 
     items: tuple[Item, ...]
     numbered: bool = False
@@ -205,7 +207,7 @@ class Items:
 
 @dataclass(frozen=True)
 class Code:
-    """Text as it is."""
+    """Text in fixed-width letters, such as a command."""
 
     text: str
     language: str = ""
@@ -213,19 +215,19 @@ class Code:
 
 @dataclass(frozen=True)
 class Row:
-    """Blocks that stand beside each other where there is room."""
+    """Blocks beside each other, where there is room."""
 
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands under it; sections nest."""
+    """Heading with the blocks under it; sections nest."""
 
     title: str
     blocks: tuple[Block, ...]
     folded: bool = False
-    """Whether a page that can fold shows it closed."""
+    """Whether an HTML page shows the section closed at first."""
 
 
 Block = Paragraph | Status | Items | Code | Table | Figure | Row | Section
@@ -233,61 +235,61 @@ Block = Paragraph | Status | Items | Code | Table | Figure | Row | Section
 
 @dataclass(frozen=True)
 class Document:
-    """A whole report."""
+    """Whole report."""
 
     kind: str
-    """Such as "report" or "comparison"."""
+    """Kind of report, such as "report" or "comparison"."""
     title: str
     blocks: tuple[Block, ...]
     lead: str = ""
-    """A sentence under the title."""
+    """Sentence under the title."""
     facts: tuple[str, ...] = ()
-    """A few words each."""
+    """Short facts about the run, such as "seed 7"."""
     trackers: tuple[TrackerStyle, ...] = ()
-    """How each tracker that is drawn looks."""
+    """Styles of the drawn trackers."""
 
     @property
     def tables(self) -> list[Table]:
-        """All tables, in their order."""
-        return [block for block in every(self.blocks) if isinstance(block, Table)]
+        """Tables of all rows and sections, in reading order."""
+        return [block for block in all_blocks(self.blocks) if isinstance(block, Table)]
 
     @property
     def figures(self) -> list[Figure]:
-        """All figures, in their order."""
-        return [block for block in every(self.blocks) if isinstance(block, Figure)]
+        """Figures of all rows and sections, in reading order."""
+        return [block for block in all_blocks(self.blocks) if isinstance(block, Figure)]
 
 
-def every(blocks: Sequence[Block]) -> Iterator[Block]:
-    """All blocks, and after each row or section those that are in it."""
+def all_blocks(blocks: Sequence[Block]) -> Iterator[Block]:
+    """Yield each block, and after a row or section the blocks inside it."""
     for block in blocks:
         yield block
         if isinstance(block, (Row, Section)):
-            yield from every(block.blocks)
+            yield from all_blocks(block.blocks)
 
 
-def named_apart(blocks: Sequence[Block], part: str) -> tuple[Block, ...]:
-    """The blocks of one part of a document, the names of whose tables and figures begin with that of the part."""
-    kept: list[Block] = []
+def with_name_prefix(blocks: Sequence[Block], prefix: str) -> tuple[Block, ...]:
+    """Return the blocks with a prefix before the name of each table and figure."""
+    renamed: list[Block] = []
     for block in blocks:
         if isinstance(block, (Row, Section)):
-            kept.append(replace(block, blocks=named_apart(block.blocks, part)))
+            renamed.append(replace(block, blocks=with_name_prefix(block.blocks, prefix)))
         elif isinstance(block, (Table, Figure)):
-            kept.append(replace(block, name=f"{part.replace('_', '-')}-{block.name}"))
+            renamed.append(replace(block, name=f"{prefix.replace('_', '-')}-{block.name}"))
         else:
-            kept.append(block)
-    return tuple(kept)
+            renamed.append(block)
+    return tuple(renamed)
 
 
 def without_figures(blocks: Sequence[Block]) -> tuple[Block, ...]:
-    """The blocks for a format that shows no figure; a row or section that held nothing else is left out."""
-    kept: list[Block] = []
+    """Return the blocks without figures, and without the rows and sections that are then empty."""
+    remaining: list[Block] = []
     for block in blocks:
         if isinstance(block, (Row, Section)):
             inner = without_figures(block.blocks)
-            kept += [replace(block, blocks=inner)] if inner else []
+            remaining += [replace(block, blocks=inner)] if inner else []
         elif not isinstance(block, Figure):
-            kept.append(block)
-    return tuple(kept)
+            remaining.append(block)
+    return tuple(remaining)
 
 
 _POWER = re.compile(r"\b((?:m|s|rad|deg)(?:/s)?)\^([23])(?!\.?\d)|\b(m/s)([23])\b")
@@ -295,10 +297,10 @@ _UNIT = re.compile(r"(?<=\d) (?=(?:%|°|[mckµ]?m[²³]?|[mµn]?s|k?Hz|rad|deg|d
 
 
 def with_powers(text: str) -> str:
-    """A text with powers of units as signs: m/s²."""
+    """Return a text with superscript powers of units, such as m/s²."""
     return _POWER.sub(lambda match: f"{match[1] or match[3]}{'²³'[int(match[2] or match[4]) - 2]}", text)
 
 
 def typeset(text: str) -> str:
-    """The same without a break between a number and its unit."""
+    """Return a text with superscript powers, and a no-break space between each number and its unit."""
     return _UNIT.sub("\N{NO-BREAK SPACE}", with_powers(text))

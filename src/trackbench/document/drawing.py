@@ -1,6 +1,6 @@
-"""Figures drawn by matplotlib: as SVG inside a page (its fonts, its colours, light and dark), as SVG and as PDF files.
+"""Figures drawn by matplotlib: as SVG in the fonts and colours of a page, and as SVG, PDF and PNG files.
 
-Drawn the same on every machine: no date, fixed ids, default settings whatever the user's matplotlibrc says.
+A figure has the same bytes on every machine: no date, fixed ids, and no settings of the user's matplotlibrc.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 
-#: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
+#: Named colours of text and bounds, of grid lines, and of bands and surroundings.
 INK, GRID, MUTED = "trackbench:ink", "trackbench:grid", "trackbench:muted"
 _ON_WHITE = {INK: "#1c2126", GRID: "#e3e6e9", MUTED: "#7a828b"}
-#: A page has its own, light and dark; pure black would be left out of the SVG as its default.
+#: Placeholders that a page replaces by its light or dark colours. None is pure black, which an SVG leaves out.
 _STAND_INS = {INK: "#010203", GRID: "#020304", MUTED: "#030405"}
 IN_PAGE = {INK: "currentColor", GRID: "var(--grid)", MUTED: "var(--muted)"}
 
-#: Points of an SVG, shown as pixels of a page; narrow enough to be read on a phone.
+#: Width of a figure, points (pixels of a page); narrow enough for a phone.
 WIDTH = 430.0
 DASHED = (0, (4, 2))
-#: Of a legend's marks: matplotlib's marker and its size in points.
+#: Matplotlib's marker of each mark of a legend, and its size in points.
 MARKERS = {
     "dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "plus": ("+", 7), "triangle": ("^", 7), "upright": ("|", 10),
 }  # fmt: skip
-#: Of a line of a legend, points.
+#: Height of a legend's line and width of a letter, points.
 _LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
 _STYLE = Path(__file__).parent / "templates" / "figure.mplstyle"
-#: Around the panels of a figure, inches.
+#: Padding around the panels of a figure, inches.
 _PAD = 1.0 / 72
 
 _NUMBER = re.compile(r"-?\d+\.\d+")
@@ -59,9 +59,9 @@ _GEOMETRY = ("d", "x", "y", "width", "height", "transform", "points", "style")
 
 
 def svg_in_page(figure: Figure) -> str:
-    """The ``<svg>`` of a figure inside a page, which shows the legend itself.
+    """Return the ``<svg>`` element of a figure for a page, without the legend, which the page shows.
 
-    An artist whose gid has a tooltip gets the gid as its class.
+    An artist with a tooltip has its gid as its CSS class.
     """
     with _drawn(figure, _STAND_INS, legend=False) as canvas:
         svg = ElementTree.fromstring(_saved(canvas, "svg"))
@@ -75,7 +75,7 @@ def svg_in_page(figure: Figure) -> str:
 
 
 def svg_file(figure: Figure) -> str:
-    """The text of an SVG file, on white and with the legend."""
+    """Return the text of an SVG file, on white and with the legend."""
     svg = ElementTree.fromstring(_drawn_file(figure, "svg"))
     _clean(svg, figure.name, {})
     _, _, width, height = svg.attrib["viewBox"].split()
@@ -93,24 +93,24 @@ def svg_file(figure: Figure) -> str:
 
 
 def figure_file(figure: Figure, kind: str) -> bytes:
-    """The content of a file of a kind (svg, pdf or png), on white and with the legend."""
+    """Return the content of an svg, pdf or png file, on white and with the legend."""
     return svg_file(figure).encode() if kind == "svg" else _drawn_file(figure, kind)
 
 
 def matplotlib_figure(figure: Figure) -> Canvas:
-    """The figure with its legend, on white, for a program that goes on with it."""
+    """Return the figure as one of matplotlib's, on white and with the legend."""
     with _drawn(figure, _ON_WHITE, legend=True) as canvas:
         canvas.set_facecolor("white")
     return canvas
 
 
-#: What of a file is left out, by its kind: another on each day, or with another version of matplotlib.
-_UNSTATED = {
+#: Metadata left out of each kind of file, as they change with the day or the version of matplotlib.
+_OMITTED_METADATA = {
     "svg": ("Creator", "Date", "Format", "Type"),
     "pdf": ("Creator", "CreationDate", "Producer"),
     "png": ("Software",),
 }
-#: Pixels of a PNG to a point.
+#: Pixels of a PNG per point.
 _PNG_SCALE = 3
 
 
@@ -121,14 +121,14 @@ def _drawn_file(figure: Figure, kind: str) -> bytes:
 
 def _saved(canvas: Canvas, kind: str) -> bytes:
     buffer = io.BytesIO()
-    look: dict[str, Any] = {"dpi": 72 * _PNG_SCALE, "facecolor": "white"} if kind == "png" else {}
-    canvas.savefig(buffer, format=kind, metadata=dict.fromkeys(_UNSTATED[kind]), **look)
+    options: dict[str, Any] = {"dpi": 72 * _PNG_SCALE, "facecolor": "white"} if kind == "png" else {}
+    canvas.savefig(buffer, format=kind, metadata=dict.fromkeys(_OMITTED_METADATA[kind]), **options)
     return buffer.getvalue()
 
 
 @contextmanager
 def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
-    """The painted figure, while its colours and the settings of matplotlib hold."""
+    """Yield the painted figure, while its named colours and matplotlib's settings are in force."""
     width = figure.width or WIDTH
     columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
@@ -137,7 +137,7 @@ def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Itera
             figsize=(width / 72, height / 72), dpi=72, layout=ConstrainedLayoutEngine(h_pad=_PAD, w_pad=_PAD)
         )
         figure.paint(canvas)
-        # Lines and texts inside a panel need no margin; names beside a point, which are annotations, do.
+        # Lines and texts inside a panel need no margin; annotations, which stand beside a point, do.
         for artist in (artist for axes in canvas.axes for artist in (*axes.lines, *axes.texts)):
             artist.set_in_layout(isinstance(artist, Annotation))
         is_placed_by_hand = not any(axes.get_subplotspec() for axes in canvas.axes)
@@ -157,7 +157,7 @@ def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Itera
 
 @contextmanager
 def _colours(colours: Mapping[str, str]) -> Iterator[None]:
-    """Names of colours for matplotlib, while a figure is drawn; afterwards they are those on white."""
+    """Set the named colours while a figure is drawn; afterwards, set their values on white."""
     _name_colours(colours)
     try:
         yield
@@ -166,10 +166,10 @@ def _colours(colours: Mapping[str, str]) -> Iterator[None]:
 
 
 def _name_colours(colours: Mapping[str, str]) -> None:
-    known = get_named_colors_mapping()
+    named_colours = get_named_colors_mapping()
     for name, colour in colours.items():
-        # Not by update(), which leaves matplotlib's cache of what names stood for before.
-        known[name] = colour
+        # Matplotlib's update() would keep its cache of the former colours.
+        named_colours[name] = colour
 
 
 def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:
@@ -185,9 +185,9 @@ def _handle(entry: LegendEntry, width: float) -> Artist:
         return Patch(color=entry.colour, label=label)
     if entry.mark in MARKERS:
         marker, size = MARKERS[entry.mark]
-        hollow = "none" if entry.mark == "ring" else entry.colour
+        fill = "none" if entry.mark == "ring" else entry.colour
         return Line2D(
-            [], [], color=entry.colour, marker=marker, markersize=size, markerfacecolor=hollow, linestyle="none",
+            [], [], color=entry.colour, marker=marker, markersize=size, markerfacecolor=fill, linestyle="none",
             label=label,
         )  # fmt: skip
     style: Any = DASHED if entry.mark == "dash" else "solid"
@@ -226,7 +226,7 @@ def _attribute(key: str, value: str, prefix: str) -> str:
 
 
 def _rounded(match: re.Match[str]) -> str:
-    """To a hundredth of a pixel: a tenth of the file is then enough."""
+    # A hundredth of a pixel makes the file a tenth as long.
     return f"{float(match[0]):.2f}".rstrip("0").rstrip(".")
 
 
@@ -236,20 +236,20 @@ TIME_LABEL = "time, s"
 
 
 def time_axis(axes: Axes, end: float) -> None:
-    """From 0 to ``end`` s, with round numbers."""
+    """Set a time axis from 0 to ``end`` s, with round numbers."""
     axes.set_xlim(0, end)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     axes.grid(axis="x", color=GRID, linewidth=0.6)
 
 
 def panel_title(axes: Axes, name: str, width: float) -> None:
-    """What a panel, which is ``width`` points wide with its numbers, shows."""
-    # A given height, or matplotlib looks for what it might lie on.
+    """Set the title of a panel, shortened to a panel ``width`` points wide with its tick labels."""
+    # A fixed height saves matplotlib the search for overlaps.
     axes.set_title(shortened_to_width(name, width - 30, 10), fontsize=10, loc="left", pad=2, y=1.0)
 
 
 def fit_value_axis(axes: Axes, drawn: Sequence[Array]) -> bool:
-    """Limits that show all of ``drawn`` and no more, logarithmic where it spans orders of magnitude.
+    """Fit the value axis to the values ``drawn``, logarithmic where they span orders of magnitude.
 
     Returns:
         Whether the axis is logarithmic.
@@ -262,16 +262,16 @@ def fit_value_axis(axes: Axes, drawn: Sequence[Array]) -> bool:
     if positive.max() < LOG_ABOVE * np.quantile(positive, 0.1):
         axes.set_ylim(0, 1.06 * float(positive.max()))
         return False
-    # What is exceptionally small, such as an error at a crossing of zero, must not take up the axis.
+    # Exceptionally small values, such as an error that crosses zero, must not take up the axis.
     logarithmic(axes, "y")
     axes.set_ylim(0.8 * float(np.quantile(positive, 0.005)), 1.25 * float(positive.max()))
     return True
 
 
-def logarithmic(axes: Axes, which: Literal["x", "y"]) -> None:
-    """A logarithmic axis with plain numbers at 1, 2 and 5."""
-    axis = axes.xaxis if which == "x" else axes.yaxis
-    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+def logarithmic(axes: Axes, name: Literal["x", "y"]) -> None:
+    """Make the x or y axis logarithmic, with plain numbers at 1, 2 and 5."""
+    axis = axes.xaxis if name == "x" else axes.yaxis
+    (axes.set_xscale if name == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
@@ -279,12 +279,12 @@ def logarithmic(axes: Axes, which: Literal["x", "y"]) -> None:
 
 
 def shortened_to_width(text: str, width: float, size: float = 11.0) -> str:
-    """Return the text, without its middle if it is wider than ``width`` points: names of a sweep differ at the end."""
+    """Return a text of at most ``width`` points, its middle replaced by "…" where it is longer."""
     short = text
-    for kept in range(len(text) - 1, 1, -1):
+    for letters in range(len(text) - 1, 1, -1):
         if _line_width(short, size) <= width:
             break
-        short = f"{text[: kept // 2]}…{text[-(kept - kept // 2) :]}"
+        short = f"{text[: letters // 2]}…{text[-(letters - letters // 2) :]}"
     return short
 
 

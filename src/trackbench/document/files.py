@@ -1,4 +1,4 @@
-"""The files of a document in each format."""
+"""Files of a document, in each format."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from trackbench.document.markdown import to_markdown
 
 Format = Literal["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png"]
 FORMATS: tuple[Format, ...] = get_args(Format)
-#: Of the main file of a format; the other formats have none.
+#: Ending of the main file, for the formats that have one.
 MAIN_ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md"}
 ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf", ".png")
-#: Columns of a text for a terminal.
+#: Characters of a line of the text format.
 TEXT_WIDTH = 80
 
 Page = TypeVar("Page")
 
 
 def files(document: Document, format: Format, name: str = "report") -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """The files of a format: paths relative to its folder, each with a function that makes the content.
+    """Yield the relative path of each file of a format, with a function that returns its content.
 
-    A figure is drawn when its function is called, and only for a format that shows it.
+    A figure is drawn when its function is called.
 
     Args:
-        document: what they say.
+        document: the report.
         format: one of ``FORMATS``.
-        name: that of the main file, where there is one, without its ending.
+        name: name of the main file, without ending.
     """
     if format in MAIN_ENDINGS:
         yield f"{name}{MAIN_ENDINGS[format]}", lambda: _main_file(document, format, "figures")
@@ -51,7 +51,7 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
 
 
 def _main_file(document: Document, format: Format, figures: str = "") -> bytes:
-    """The main file; Markdown reads its figures from a folder, and has none without one."""
+    """Return the main file; Markdown links the figures in the folder ``figures``, or shows none."""
     if format == "html":
         from trackbench.document.html import to_html
 
@@ -62,7 +62,7 @@ def _main_file(document: Document, format: Format, figures: str = "") -> bytes:
 
 
 def document_text(document: Document, width: int = TEXT_WIDTH) -> str:
-    """The document as plain text."""
+    """Return the document as plain text."""
     from trackbench.document.terminal import print_document
 
     output = io.StringIO()
@@ -75,25 +75,24 @@ def _encoded(render: Callable[[Page], str], page: Page) -> bytes:
 
 
 def require_ending(path: Path, endings: tuple[str, ...] = ENDINGS, key: str | None = None) -> None:
-    """Make sure that a file's ending names a format.
+    """Raise an error unless a file's ending names a format.
 
     Args:
         path: the file.
-        endings: those that do.
-        key: the option that names the file, if there is one.
+        endings: endings that name a format.
+        key: option that names the file, for the message.
 
     Raises:
-        InputError: it does not.
+        InputError: the ending names no format.
     """
     if path.suffix not in endings:
         raise InputError(f"{path.name} ends in none of {', '.join(endings)}", key=key)
 
 
 def files_by_ending(document: Document, path: Path) -> Iterator[tuple[Path, bytes]]:
-    """The file of a document in the format of its ending, and what belongs to it.
+    """Yield the files of a document in the format of the path's ending, with their contents.
 
-    Tables and figures that are files of their own are named after it: ``x.csv`` where there is one, else
-    ``x-ranking.csv``.
+    Where each table or figure is a file, a single one is ``x.csv``; several are ``x-ranking.csv`` and so on.
     """
     formats: dict[str, Format] = {ending: format for format, ending in MAIN_ENDINGS.items()}
     formats |= {".tex": "latex", ".csv": "csv", ".svg": "svg", ".pdf": "pdf", ".png": "png"}
@@ -103,16 +102,16 @@ def files_by_ending(document: Document, path: Path) -> Iterator[tuple[Path, byte
     else:
         parts = [(name, content) for name, content in files(document, format) if name.endswith(path.suffix)]
         for name, content in parts:
-            own = "" if len(parts) == 1 else f"-{Path(name).stem}"
-            yield path.with_name(f"{path.stem}{own}{path.suffix}"), content()
+            suffix = "" if len(parts) == 1 else f"-{Path(name).stem}"
+            yield path.with_name(f"{path.stem}{suffix}{path.suffix}"), content()
 
 
 _PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " "})
 
 
 def to_csv(table: Table) -> str:
-    """The text of a CSV file; the small print of a column is a column of its own beside it."""
-    # Takes its time to import.
+    """Return a table as CSV; the small print of a column is a column of its own beside it."""
+    # Pandas is slow to import.
     import pandas
 
     columns: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""A document as one HTML file that loads nothing, to be read on a screen, a phone or paper."""
+"""A document as one HTML file that loads no other file, for a screen, a phone or paper."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from trackbench.document.template import environment
 
 
 def to_html(document: Document) -> str:
-    """The text of the file, the same for the same document. Each figure is drawn once."""
-    made = environment(typeset)
-    shared = _shared(document)
-    assert made.loader is not None
+    """Return the text of the HTML file. Equal documents give equal texts."""
+    templates = environment(typeset)
+    shared = _shared_legend(document)
+    assert templates.loader is not None
     names = ["document.js", *(["replay.js"] if any(figure.replay for figure in document.figures) else [])]
-    scripts = [made.loader.get_source(made, name)[0] for name in names]
-    return made.get_template("document.html.j2").render(
+    scripts = [templates.loader.get_source(templates, name)[0] for name in names]
+    return templates.get_template("document.html.j2").render(
         document=document,
         sections=[block for block in document.blocks if isinstance(block, model.Section)],
         shared=[entry for entry in shared if not entry.key],
@@ -34,18 +34,18 @@ def to_html(document: Document) -> str:
         own=lambda figure: [entry for entry in figure.legend if entry not in shared],
         styles={style.name: style for style in document.trackers},
         svg=lambda figure: Markup(svg_in_page(figure)),
-        bar_on_axis=_bar,
+        bar_on_axis=_bar_on_axis,
         css=lambda colour: IN_PAGE.get(colour, colour),
         identity=lambda text: re.sub(r"\W+", "-", text.lower()).strip("-"),
-        packed=_packed,
+        packed=_replay_of_page,
         scripts=[
             {"text": Markup(text), "hash": b64encode(sha256(text.encode()).digest()).decode()} for text in scripts
         ],
     )
 
 
-def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
-    """Where the bar of a cell and its interval are on the axis of its column, in percent, and whether it ends there."""
+def _bar_on_axis(table: Table, index: int, cell: Cell) -> dict[str, Any]:
+    """Return the ends of a cell's bar and of its interval in percent of the axis, and where the axis cuts the bar."""
     assert cell.bar is not None
     begin, end = table.axis(index)
     span = end - begin or 1.0
@@ -56,18 +56,18 @@ def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
     }
 
 
-def _packed(scene: ReplayScene) -> dict[str, Any]:
-    """What a page has of a replay: its scene as text, and the legend of what is no tracker."""
+def _replay_of_page(scene: ReplayScene) -> dict[str, Any]:
+    """Return a packed scene with its thinning factor, and legend entries for vehicles, sensors and false alarms."""
     text, every = packed_replay(scene)
     body = "vehicle, its front filled" if any(path.size[0] for path in scene.paths) else "truth"
     legend = [LegendEntry(body, TRUTH_COLOUR, "box")]
-    legend += [LegendEntry(of.sensor, of.colour, "dot") for of in scene.measurements]
-    if any(of.false is not None and of.false.any() for of in scene.measurements):
+    legend += [LegendEntry(series.sensor, series.colour, "dot") for series in scene.measurements]
+    if any(series.false is not None and series.false.any() for series in scene.measurements):
         legend.append(LegendEntry("false alarm", MUTED, "plus"))
     return {"text": text, "every": every, "legend": legend}
 
 
-def _shared(document: Document) -> list[LegendEntry]:
-    """What the legend of the page says for all figures: the trackers, and what more than one figure shows."""
+def _shared_legend(document: Document) -> list[LegendEntry]:
+    """Return the legend of the page: the trackers, and the entries that several figures have."""
     entries = Counter(entry for figure in document.figures for entry in figure.legend)
     return [entry for entry, figures in entries.items() if entry.key or figures > 1]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from trackbench.document import Cell, Table, typeset
 
-#: Letters of a cell above which its column breaks lines.
+#: A column with a longer cell, in letters, breaks lines.
 _LONG = 40
-#: Signs that pdflatex does not know.
+#: LaTeX for characters that pdflatex does not know.
 _SIGNS = str.maketrans(
     {
         "\N{NO-BREAK SPACE}": "~",
@@ -20,11 +20,8 @@ _SIGNS = str.maketrans(
 
 
 def table_to_latex(table: Table) -> str:
-    """Return a ``tabular`` with booktabs rules, to be put into a table of any document.
-
-    The caption and the reasons for missing values are comments before it.
-    """
-    # Takes its time to import.
+    """Return a table as a ``tabular`` with booktabs rules, after comments with its caption and footnotes."""
+    # Pandas is slow to import.
     import pandas
 
     headings = [typeset(column.heading) for column in table.columns]
@@ -38,8 +35,8 @@ def table_to_latex(table: Table) -> str:
     styler = texts.style.hide(axis="index").format(escape="latex").format_index(escape="latex", axis="columns")
     styler = styler.apply(lambda shown: pandas.DataFrame(bold, shown.index, shown.columns, dtype=object), axis=None)
     notes = [table.caption] * bool(table.caption) + [f"n/a: {reason}" for reason in table.reasons]
-    made: str = styler.to_latex(hrules=True, column_format=f"@{{}}{''.join(widths)}@{{}}")
-    return "".join(f"% {' '.join(note.split())}\n" for note in notes) + made.translate(_SIGNS)
+    tabular: str = styler.to_latex(hrules=True, column_format=f"@{{}}{''.join(widths)}@{{}}")
+    return "".join(f"% {' '.join(note.split())}\n" for note in notes) + tabular.translate(_SIGNS)
 
 
 def _text(cell: Cell) -> str:

@@ -1,4 +1,4 @@
-"""A scene of a replay as text inside a page: numbers rounded to a quantum, their differences as JSON, deflated."""
+"""A replay's scene as text inside a page: numbers rounded to a quantum, their differences as JSON, deflated."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ import numpy as np
 from trackbench.base.types import Array, Mask
 from trackbench.document.replay import ReplayScene
 
-#: Quanta: of times s, of positions and half axes m, of headings rad, of the values of the time line.
+#: Quanta of times (s), of positions and half axes (m), of headings (rad) and of the chart's values.
 TIME, POSITION, HEADING, VALUE = 0.001, 0.01, 0.002, 0.001
-#: The most letters of a scene; a longer one is thinned in time.
+#: Characters of a packed scene; a longer one is thinned in time.
 LIMIT = 300_000
-#: The largest count of a quantum; estimates that diverged are farther.
-_FARTHEST = 1e11
-#: Half axes of the ellipse that has 95 % of a Gaussian in the plane, standard deviations.
+#: Limit of the packed numbers, in quanta; estimates that diverged may exceed it.
+_LARGEST = 1e11
+#: Half axis of the 95 % ellipse of a Gaussian in the plane, standard deviations.
 SIGMAS = float(np.sqrt(-2 * np.log(0.05)))
 
 
 def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
-    """Return a scene as base64 of deflated JSON, whose series of numbers are objects of :func:`series`.
+    """Return a scene as base64 of deflated JSON, and the factor by which its instants are thinned.
 
-    Of so many instants as the second value says, one is kept: as many as ``limit`` letters take.
+    The factor is the smallest for which the text has at most about ``limit`` characters.
     """
     instants = np.unique(np.concatenate([_ticks(path.time) for path in scene.paths]))
     first = instants[0] if scene.start is None else _ticks(np.array([scene.start.time_s]))
-    # A letter never holds eight numbers, of which a path has up to six an instant.
+    # A character never holds eight numbers, and a path has up to six numbers an instant.
     every = max(1, 6 * sum(len(path.time) for path in scene.paths) // (8 * limit))
     while True:
         text = _text(scene, np.union1d(instants[::every], first), every)
@@ -39,39 +39,39 @@ def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
 
 
 def series(values: Array, quantum: float) -> dict[str, Any]:
-    """Return numbers as counts of a quantum, by their first or second differences, whichever are smaller."""
-    counts = np.rint(np.clip(np.asarray(values, dtype=float) / quantum, -_FARTHEST, _FARTHEST)).astype(np.int64)
+    """Return numbers in quanta as first or second differences, whichever are smaller."""
+    counts = np.rint(np.clip(np.asarray(values, dtype=float) / quantum, -_LARGEST, _LARGEST)).astype(np.int64)
     differences = {order: np.diff(counts, order, prepend=[0] * order) for order in (1, 2)}
     order = min(differences, key=lambda order: int(np.abs(differences[order]).sum()))
     return {"quantum": quantum, "order": order, "differences": differences[order].tolist()}
 
 
-def _text(scene: ReplayScene, kept: Array, every: int) -> str:
-    content = json.dumps(_content(scene, kept, every), separators=(",", ":"), allow_nan=False)
+def _text(scene: ReplayScene, instants: Array, every: int) -> str:
+    content = json.dumps(_content(scene, instants, every), separators=(",", ":"), allow_nan=False)
     return b64encode(zlib.compress(content.encode(), 9)).decode()
 
 
-def _content(scene: ReplayScene, kept: Array, every: int) -> dict[str, Any]:
-    """Return the scene with the instants ``kept`` and every so-manieth scan; the time line keeps all of its values."""
+def _content(scene: ReplayScene, instants: Array, every: int) -> dict[str, Any]:
+    """Return the scene with paths at ``instants``, one scan in ``every``, and all values of the chart."""
     paths, measurements = [], []
     for path in scene.paths:
-        there = np.isin(_ticks(path.time), kept)
-        if not there.any():
+        is_packed = np.isin(_ticks(path.time), instants)
+        if not is_packed.any():
             continue
         name = path.label if path.tracker else path.name
-        own: dict[str, Any] = {"name": name, "tracker": path.tracker, "colour": path.colour, "size": path.size}
-        turned = {} if path.heading is None else {"heading": series(path.heading[there], HEADING)}
-        paths.append(own | turned | _places(path.time, path.position, path.covariance, there))
+        body: dict[str, Any] = {"name": name, "tracker": path.tracker, "colour": path.colour, "size": path.size}
+        heading = {} if path.heading is None else {"heading": series(path.heading[is_packed], HEADING)}
+        paths.append(body | heading | _places(path.time, path.position, path.covariance, is_packed))
     for sensor in scene.measurements:
-        there = np.unique(_ticks(sensor.time), return_inverse=True)[1] % every == 0
-        false = np.zeros(len(there)) if sensor.false is None else sensor.false
-        of_sensor = {"colour": sensor.colour, "false": series(false[there], 1)}
-        measurements.append(of_sensor | _places(sensor.time, sensor.position, sensor.covariance, there))
+        is_packed = np.unique(_ticks(sensor.time), return_inverse=True)[1] % every == 0
+        false = np.zeros(len(is_packed)) if sensor.false is None else sensor.false
+        of_sensor = {"colour": sensor.colour, "false": series(false[is_packed], 1)}
+        measurements.append(of_sensor | _places(sensor.time, sensor.position, sensor.covariance, is_packed))
     lines = []
     for line in scene.beside[0].lines if scene.beside else ():
-        known = np.isfinite(line.value)
+        finite = np.isfinite(line.value)
         lines.append(
-            {"tracker": line.name, "time": series(line.time[known], TIME), "value": series(line.value[known], VALUE)}
+            {"tracker": line.name, "time": series(line.time[finite], TIME), "value": series(line.value[finite], VALUE)}
         )
     return {
         "trackers": [
@@ -89,14 +89,13 @@ def _content(scene: ReplayScene, kept: Array, every: int) -> dict[str, Any]:
     }
 
 
-def _places(time: Array, position: Array, covariance: Array | None, there: Mask) -> dict[str, Any]:
-    """Return times, positions and, with a covariance, the half axes a, b, c of an ellipse: x = a cos(u), y = b cos(u) +
-    c sin(u)."""
-    x, y = position[:, there]
-    places = {"time": series(time[there], TIME), "x": series(x, POSITION), "y": series(y, POSITION)}
+def _places(time: Array, position: Array, covariance: Array | None, is_packed: Mask) -> dict[str, Any]:
+    x, y = position[:, is_packed]
+    places = {"time": series(time[is_packed], TIME), "x": series(x, POSITION), "y": series(y, POSITION)}
     if covariance is None:
         return places
-    (xx, xy), (_, yy) = np.clip(np.nan_to_num(covariance[:, :, there]), -_FARTHEST, _FARTHEST)
+    (xx, xy), (_, yy) = np.clip(np.nan_to_num(covariance[:, :, is_packed]), -_LARGEST, _LARGEST)
+    # The ellipse is x = a cos(u), y = b cos(u) + c sin(u).
     a = np.sqrt(np.maximum(xx, 0.0))
     b = np.divide(xy, a, out=np.zeros_like(a), where=a > 1e-6)
     axes = {"a": a, "b": b, "c": np.sqrt(np.maximum(yy - b * b, 0.0))}

@@ -1,7 +1,7 @@
-"""One set of colours for the report and the recording, distinct also to a colour-blind reader.
+"""Colours of trackers, sensors and modes in reports and recordings, distinct also to a colour-blind reader.
 
-The first six are Okabe and Ito's (jfly.uni-koeln.de/color), the rest were chosen to stay far from them and from each
-other under simulated protanopia and deuteranopia. All are readable on a dark and on a white ground.
+The first six are Okabe and Ito's (jfly.uni-koeln.de/color). The rest differ from them and from each other under
+simulated protanopia and deuteranopia. All are readable on a dark and on a white ground.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ TRACKER_COLOURS: tuple[str, ...] = (
     "#00963C",
 )
 SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#3CC3D2", "#E1A587", "#6978D2", "#F05A4B", "#5AA5FF")
-#: Of the modes of a tracker with several motion models; readable on a dark and on a white ground.
+#: Colours of the modes of a tracker with several motion models.
 MODE_COLOURS: tuple[str, ...] = ("#5B8FF9", "#E8A33D", "#9270CA", "#3FA796", "#D9648A", "#8A9099")
-#: Of tracks on a dark ground: lighter than all colours of trackers and sensors.
+#: Colours of tracks on a dark ground, lighter than all colours of trackers and sensors.
 IDENTITY_COLOURS: tuple[str, ...] = ("#FFFA5F", "#93F4FF", "#F4BB89", "#B1FCA7", "#BECEED", "#FEE7D8", "#E5DB76")
-#: From small faults to large ones: one hue, and no colour of a tracker or a sensor.
+#: Colours of small to large faults, in one hue that no tracker or sensor has.
 ERROR_COLOURS: tuple[str, ...] = ("#FFC2C2", "#FF7A7A", "#FF1F1F")
 TRUTH_COLOUR = "#8A9099"
 OBSERVER_COLOUR = "#5A87C6"
@@ -48,25 +48,25 @@ BOUND_COLOUR = "#8A9099"
 
 
 def mode_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each mode, in the order in which they first appear; repeats after six."""
+    """Return a colour for each mode, in the order of first appearance; colours repeat after six."""
     return {name: MODE_COLOURS[i % len(MODE_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
 def sensor_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each sensor, in the order given; repeats after six."""
+    """Return a colour for each sensor, in order; colours repeat after six."""
     return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
-#: By the name of a tracker.
+#: Styles by the name of the tracker.
 Styles = Mapping[str, TrackerStyle]
 _LINES = (("solid", ""), ((0, (6, 1.5, 1.5, 1.5)), "s"), ((0, (1.5, 1.5)), "^"))
 
 
 def tracker_styles(places: Mapping[str, int] | Sequence[str]) -> Styles:
-    """By name, from the place of each tracker in its scenario; a colour that is taken has another line and marker.
+    """Return the style of each tracker by name; trackers of one colour differ in line and marker.
 
     Args:
-        places: by name, from 0; names alone are in their places.
+        places: index of each tracker in its scenario, which determines its colour; or the names in that order.
     """
     if not isinstance(places, Mapping):
         places = {name: place for place, name in enumerate(places)}
@@ -80,15 +80,15 @@ def tracker_styles(places: Mapping[str, int] | Sequence[str]) -> Styles:
 
 
 def tracker_colours(places: Mapping[str, int] | Sequence[str]) -> dict[str, str]:
-    """For recordings, which have no dashes: as the styles, but a colour that is taken gives way to the first free one.
+    """Return a colour for each tracker of a recording, which has no dashes: colours repeat only where none is free.
 
     Args:
-        places: as for the styles.
+        places: index of each tracker in its scenario, or the names in that order.
     """
     colours = {name: style.colour for name, style in tracker_styles(places).items() if style.line == "solid"}
     free = [colour for colour in TRACKER_COLOURS if colour not in colours.values()] or TRACKER_COLOURS
-    others = [name for name in places if name not in colours]
-    colours |= {name: free[i % len(free)] for i, name in enumerate(others)}
+    dashed = [name for name in places if name not in colours]
+    colours |= {name: free[i % len(free)] for i, name in enumerate(dashed)}
     return {name: colours[name] for name in places}
 
 
@@ -102,7 +102,7 @@ def tracker_figure(
     styles: Sequence[TrackerStyle],
     *others: LegendEntry,
 ) -> Figure:
-    """A figure with lines of trackers: its legend names them and ``others``, and tooltips say which is which."""
+    """Return a figure with a line for each tracker: its legend and tooltips name them, the legend also ``others``."""
     lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
     tooltips = {style.key: style.name for style in styles}
     return Figure(name, title, caption, alternative, paint, height, legend=(*lines, *others), tooltips=tooltips)

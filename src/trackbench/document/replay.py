@@ -1,6 +1,6 @@
-"""A replay as data: texts, scenes seen from above, charts over simulated time.
+"""A replay as data: a text, scenes seen from above, and charts over simulated time.
 
-The recording writes it to a file; a page plays a scene of it on a canvas.
+A recording stores all of it; an HTML page plays one scene.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from trackbench.document import TrackerStyle
 
 
 class ChartLine(NamedTuple):
-    """One line of a chart."""
+    """Line of a chart."""
 
     entity: tuple[str, ...]
-    """Below the chart's own."""
+    """Path of the line's entity in a recording, relative to the chart's."""
     name: str
     colour: str
     time: Array
-    """s"""
+    """Time, s."""
     value: Array
-    """NaN where there is none."""
+    """Value at each time; NaN where it is missing."""
     width: float = 1.5
-    """Pixels."""
+    """Width of the line, pixels."""
 
 
 @dataclass(frozen=True)
@@ -34,32 +34,32 @@ class Chart:
     """Lines that share an axis."""
 
     place: tuple[str, ...]
-    """Its entity, below that of all series."""
+    """Path of the chart's entity in a recording, relative to the entity of all charts."""
     quantity: str
     unit: str
-    """Empty for a number without a unit."""
+    """Unit; empty for a quantity without one."""
     lines: tuple[ChartLine, ...]
     bounds: tuple[ChartLine, ...] = ()
     signed: bool = False
-    """Whether zero is in the middle of its axis."""
+    """Whether zero is in the middle of the axis."""
     share: bool = False
-    """Whether the values are shares of one; its lines then have a legend, being no trackers."""
+    """Whether the values are shares of one; the lines are then no trackers and have a legend."""
 
     @property
     def title(self) -> str:
-        """The quantity with its unit."""
+        """Quantity with its unit."""
         return f"{self.quantity}, {self.unit}" if self.unit else self.quantity
 
     @property
     def largest(self) -> float:
-        """The largest value of a line, 0 where there is none."""
+        """Largest finite value of all lines; 0 without any."""
         return float(_finite(self.lines).max(initial=0.0))
 
     def span(self, shown: float = 0.0) -> tuple[float, float]:
-        """An axis on which neither the start of a track nor one bad tracker flattens everything else.
+        """Return the ends of an axis that cuts off outliers, such as the start of a track or one bad tracker.
 
         Args:
-            shown: a value that must be seen.
+            shown: value that the axis includes.
         """
         if self.share:
             return 0.0, 1.0
@@ -79,7 +79,7 @@ class Chart:
 
 
 class NamedColour(NamedTuple):
-    """An entry of the legend: a colour and what has it."""
+    """Entry of the legend."""
 
     name: str
     colour: str
@@ -88,52 +88,53 @@ class NamedColour(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReplayPath:
-    """A point that moves: a dot at each time, its whole path as a line, and the 95 % ellipse of its position."""
+    """Moving point: a dot at each time, its whole path as a line, and the 95 % ellipse of its position."""
 
     name: str
     colour: str
     time: Array
-    """``(k,)`` s."""
+    """Times ``(k,)``, s."""
     position: Array
-    """``(2, k)`` m in the fixed frame."""
+    """Positions ``(2, k)`` in the fixed frame, m."""
     covariance: Array | None = None
-    """``(2, 2, k)`` m^2; None without ellipses."""
+    """Covariances ``(2, 2, k)`` of the position, m^2; None without ellipses."""
     dot: float = 4.0
     """Radius of the dot, pixels."""
     width: float = 0.75
     """Half the width of the line, pixels; narrow lines are on top."""
     tracker: str = ""
-    """The tracker whose estimate or track it is; empty of a vehicle."""
+    """Tracker with this estimate or track; empty for a vehicle."""
     label: str = ""
-    """What a page writes beside an estimate, such as the number of a track; beside a vehicle it writes the name."""
+    """Text beside an estimate in a page, such as the number of a track; a vehicle shows its name."""
     heading: Array | None = None
-    """``(k,)`` rad, continuous; None of what has no body."""
+    """Headings ``(k,)``, rad, unwrapped; None for a point without a body."""
     size: tuple[float, float] = (0.0, 0.0)
     """Length and width of the body, m."""
+    is_observer: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class ReplayMeasurements:
-    """The positions that a sensor measured, each shown for a while."""
+    """Positions that a sensor measured, each shown for a short time."""
 
     sensor: str
     colour: str
     time: Array
-    """``(k,)`` s."""
+    """Times ``(k,)``, s."""
     position: Array
-    """``(2, k)`` m in the fixed frame."""
+    """Positions ``(2, k)`` in the fixed frame, m."""
     covariance: Array | None = None
-    """``(2, 2, k)`` m^2; None without ellipses."""
+    """Covariances ``(2, 2, k)`` of the position, m^2; None without ellipses."""
     false: Array | None = None
-    """``(k,)`` whether it is known to be a false alarm; None where nothing is known."""
+    """Mask ``(k,)`` of known false alarms; None where the origins are unknown."""
 
 
 class ReplayEvent(NamedTuple):
-    """What happened to a tracker at a place."""
+    """Event of a tracker, at a time and a place."""
 
     tracker: str
     kind: str
-    """worst (the largest error), switched, lost, merged or false."""
+    """Kind of event: worst (the largest error), switched, lost, merged or false."""
     time_s: float
     x_m: float
     y_m: float
@@ -141,34 +142,34 @@ class ReplayEvent(NamedTuple):
 
 
 class ReplayStart(NamedTuple):
-    """When and where a scene opens."""
+    """Time and place at which a scene opens."""
 
     time_s: float
     path: str
-    """The name of the vehicle in the middle; empty: the whole scene."""
+    """Name of the vehicle in the middle; empty for the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReplayScene:
-    """A scene from above with charts beside it and below it."""
+    """Scene from above, with charts beside and below it."""
 
     name: str
     paths: tuple[ReplayPath, ...]
     measurements: tuple[ReplayMeasurements, ...]
     x_range: tuple[float, float]
-    """m, what the view shows."""
+    """Left and right end of the view, m."""
     y_range: tuple[float, float]
     beside: tuple[Chart, ...] = ()
     below: tuple[Chart, ...] = ()
     lanes: tuple[Array, ...] = ()
-    """``(2, k)`` m, the edges of the lanes."""
+    """Edges of the lanes, ``(2, k)`` m each."""
     trackers: tuple[TrackerStyle, ...] = ()
-    """Those that a reader may choose."""
+    """Trackers that a reader may choose."""
     shown: tuple[str, ...] = ()
-    """The names of the trackers that are shown at first, best first."""
+    """Names of the trackers shown at first, best first."""
     events: tuple[ReplayEvent, ...] = ()
     start: ReplayStart | None = None
-    """None: at the beginning, with the whole scene."""
+    """Opening; None for the first instant, with the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,11 +178,11 @@ class Replay:
 
     name: str
     kind: str
-    """The viewer keeps one layout for all replays of a kind."""
+    """Kind of replay; the viewer keeps one layout for all replays of a kind."""
     title: str
-    """Of the text."""
+    """Title of the text."""
     text: str
-    """Markdown."""
+    """Text in Markdown."""
     legend: tuple[NamedColour, ...]
     scenes: tuple[ReplayScene, ...]
 

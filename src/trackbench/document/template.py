@@ -1,4 +1,4 @@
-"""The jinja2 templates of the pages: HTML and Markdown say the same document."""
+"""Jinja2 templates of the text formats."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from trackbench.document import Block
 
 
 def environment(escape: Callable[[str], str]) -> Environment:
-    """Return an environment that escapes every text that is put in; markup is kept.
+    """Return an environment that escapes every inserted text, and leaves markup unchanged.
 
     Args:
-        escape: makes a text of the document one of the format; HTML's own characters are escaped after it, unless it
-            returns markup.
+        escape: function from a text of the document to a text of the format; HTML's special characters in its result
+            are escaped, unless the result is markup.
     """
-    made = Environment(
+    templates = Environment(
         loader=PackageLoader("trackbench.document"),
         autoescape=True,
         undefined=StrictUndefined,
@@ -26,7 +26,7 @@ def environment(escape: Callable[[str], str]) -> Environment:
         keep_trailing_newline=True,
         finalize=lambda value: escape(value) if type(value) is str else value,
     )
-    tests: Any = made.tests
+    tests: Any = templates.tests
     for kind in get_args(Block):
         tests[kind.__name__.lower()] = lambda block, kind=kind: isinstance(block, kind)
-    return made
+    return templates

@@ -1,4 +1,4 @@
-"""A document for a terminal."""
+"""A document as text in a terminal, without its figures."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from trackbench.document import (
 )
 
 STYLE = {"good": "green", "warn": "yellow", "bad": "bold red", "": ""}
-#: Letters of the widest column of a table; longer texts break.
+#: Characters of the widest column of a table; longer texts break.
 _WIDEST = 40
 
 
 def print_document(document: Document, console: Console) -> None:
-    """Everything but the figures, the answer first.
+    """Print a document without its figures, the answer first.
 
-    A table wider than the console goes on under itself, with its left columns again.
+    The columns of a table wider than the console continue below, beside a copy of its left columns.
     """
     blocks = without_figures(document.blocks)
     answer = blocks[0] if blocks else None
@@ -58,7 +58,7 @@ def print_table(table: Table, console: Console, gap: int = 2) -> None:
     if table.caption:
         _say(console, Text(f"{table.caption}:"))
     widths, keys = [_width(table, i) for i in range(len(table.columns))], _keys(table)
-    parts = list(fitting(widths, keys, console.width, gap))
+    parts = list(fitting_columns(widths, keys, console.width, gap))
     if len(parts) > 1 and sum(width + gap for width in widths[:keys]) > console.width / 2:
         for row in table.rows:
             _print_record(table, row, console)
@@ -103,13 +103,13 @@ def _say(console: Console, text: Text) -> None:
 
 
 def print_hanging(console: Console, mark: str | Text, text: Text) -> None:
-    """Print a text behind a mark; its further lines begin below its first."""
+    """Print a text after a mark, with all its lines indented by the mark's width."""
     for line in hanging(console, Text.assemble(mark), text):
         console.print(line, highlight=False)
 
 
 def hanging(console: Console, mark: Text, text: Text) -> Iterator[Text]:
-    """The lines of a text behind a mark, which begin below each other."""
+    """Yield the lines of a text after a mark, all indented by the mark's width."""
     for number, line in enumerate(text.wrap(console, max(console.width - mark.cell_len, 1))):
         line.rstrip()
         yield Text.assemble(Text(" " * mark.cell_len) if number else mark, line)
@@ -127,14 +127,14 @@ def _cell(table: Table, cell: Cell) -> Text:
     return Text("\n").join([Text(text, style=style), *(Text(detail, style="dim") for detail in cell.details)])
 
 
-def fitting(widths: Sequence[int], keys: int, room: int, gap: int) -> Iterator[list[int]]:
-    """The numbers of the columns that fit beside each other; the first ``keys`` are in every part.
+def fitting_columns(widths: Sequence[int], keys: int, room: int, gap: int) -> Iterator[list[int]]:
+    """Yield the indices of the columns of each part of a table that fits into a line.
 
     Args:
-        widths: of all columns, in characters, as the others.
-        keys: how many columns name the row.
-        room: for a line.
-        gap: between two columns.
+        widths: widths of all columns, characters.
+        keys: number of left columns that name the row, and are in every part.
+        room: length of a line, characters.
+        gap: spaces between two columns.
     """
     part = [*range(keys)]
     for i in range(keys, len(widths)):
@@ -146,13 +146,13 @@ def fitting(widths: Sequence[int], keys: int, room: int, gap: int) -> Iterator[l
 
 
 def _keys(table: Table) -> int:
-    """How many left columns are at the start."""
+    """Return the number of left columns that name the row."""
     columns = enumerate(table.columns)
     return next((i for i, column in columns if not column.left and i > 0), len(table.columns))
 
 
 def _print_record(table: Table, row: Sequence[Cell], console: Console) -> None:
-    """A row whose left columns leave no room for others, as a list of what is in its columns."""
+    """Print a row as a list, where the left columns leave no room for others."""
     key = table.key_column
     cells = [(column.heading, _cell(table, cell)) for column, cell in zip(table.columns, row, strict=True)]
     texts = [Text.assemble(f"{heading} ", cell) for i, (heading, cell) in enumerate(cells) if i != key and cell]

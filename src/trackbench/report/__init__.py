@@ -1,4 +1,5 @@
-"""What a reader sees of a result: an HTML report, Markdown, a terminal table, and a comparison over scenarios.
+"""Reports of a run and of a comparison, as documents and as text for the terminal.
 
-Everything here is made from a :class:`trackbench.results.Result` alone; nothing is run again.
+A :class:`trackbench.results.Result` or a :class:`trackbench.compare.Comparison` comes in; a
+:class:`trackbench.document.Document`, terminal text or a JUnit file goes out. Read ``result.py`` first.
 """

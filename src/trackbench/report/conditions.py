@@ -1,4 +1,4 @@
-"""Where a tracker errs and where its covariance is off: the tables of a run's report by condition."""
+"""Tables of a run's report by condition: errors by manoeuvre and range, and verdicts on covariances."""
 
 from __future__ import annotations
 
@@ -15,31 +15,32 @@ _TITLES = {"manoeuvre": "Position RMSE by manoeuvre, m", "range": "Position RMSE
 
 
 def condition_tables(result: Result) -> Iterator[Table]:
-    """Yield the position RMSE of each tracker by manoeuvre and by range band; nothing where no result has it."""
+    """Yield a table of each tracker's position RMSE by manoeuvre, and one by range band, where there are values."""
     trackers = [tracker for tracker in result.scored if tracker.conditions]
-    for way, caption in _TITLES.items():
-        start = f"{way}: "
+    for kind, caption in _TITLES.items():
+        start = f"{kind}: "
         by_tracker = [
-            {name[len(start) :]: own.metrics for name, own in tracker.conditions.items() if name.startswith(start)}
+            {name[len(start) :]: part.metrics for name, part in tracker.conditions.items() if name.startswith(start)}
             for tracker in trackers
         ]
-        longest_first = sorted(by_tracker, key=lambda own: -len(own))
-        names = dict.fromkeys(name for own in longest_first for name in own)
+        longest_first = sorted(by_tracker, key=lambda metrics: -len(metrics))
+        names = dict.fromkeys(name for metrics in longest_first for name in metrics)
         values = {
-            name: [own[name]["position_rmse"].value if name in own else None for own in by_tracker] for name in names
+            name: [metrics[name]["position_rmse"].value if name in metrics else None for metrics in by_tracker]
+            for name in names
         }
-        places = decimals([value for own in values.values() for value in own])
+        places = decimals([value for column in values.values() for value in column])
         missing = Cell(NOT_AVAILABLE, reason="the tracker has no estimate there")
         columns = [
-            (Column(name, "position RMSE, m"), [missing if v is None else Cell(rounded(v, places)) for v in own])
-            for name, own in values.items()
+            (Column(name, "position RMSE, m"), [missing if v is None else Cell(rounded(v, places)) for v in column])
+            for name, column in values.items()
         ]
         if columns:
-            yield tracker_table(f"position-rmse-by-{way}", trackers, columns, caption)
+            yield tracker_table(f"position-rmse-by-{kind}", trackers, columns, caption)
 
 
 def consistency_table(result: Result) -> Table:
-    """Return the words on each covariance, the innovations of each sensor, and what is off, farthest first."""
+    """Return the verdict on each covariance, the innovations of each sensor, and the NEES that are off."""
 
     def verdict(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")
@@ -47,7 +48,7 @@ def consistency_table(result: Result) -> Table:
             return missing_cell(nees)
         return Cell(verdict_in_words(nees, tracker.conditions, whole=False), tone=tone_of(nees), chip=True)
 
-    def off(tracker: TrackerResult) -> Cell:
+    def deviations(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")
         if nees.verdict == "undecided" and (why := meaning(nees, tracker.conditions)) != MEANING["undecided"]:
             return Cell(why)
@@ -64,7 +65,7 @@ def consistency_table(result: Result) -> Table:
                 "NEES under a condition (of position or velocity alone twice theirs), or a share of it",
                 left=True,
             ),
-            list(map(off, result.scored)),
+            list(map(deviations, result.scored)),
         ),
     ]
     caption = "Can each covariance be believed? trackbench explain TERM explains the words"

@@ -1,4 +1,4 @@
-"""What a run found, for a terminal of 80 columns."""
+"""The summary of a run, for a terminal of 80 columns."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from trackbench.report.verdicts import REMARKS
 from trackbench.results import MetricValue, Result, TrackerResult
 from trackbench.results.scenario_summary import sentence_on_point
 
-#: By kind of result the columns that ``--wide`` shows: heading, metric, significant digits, and the factor of its unit.
+#: Columns of ``--wide`` by kind of result: heading, metric, significant digits, and factor from the metric's unit.
 COLUMNS = {
     "known identities": (
         ("position m", "position_rmse", 3, 1.0),
@@ -52,34 +52,34 @@ COLUMNS = {
         ("score", "prediction_score", 3, 1.0),
     ),
 }
-#: Columns of tracks that stand beside T-GOSPA without ``--wide``.
+#: Columns of tracks beside T-GOSPA without ``--wide``.
 OF_TRACKS = COLUMNS["hidden identities"][1:3] + COLUMNS["hidden identities"][4:5]
 
 
 def kind_of(result: Result) -> str:
-    """Return a key of ``COLUMNS``."""
+    """Return the kind of a result, a key of ``COLUMNS``."""
     if result.summary.identities == "known":
         return "known identities"
     return "hidden identities" if result.summary.truth.known else "no truth"
 
 
 def summary_table(result: Result, room: int = 80) -> Table:
-    """The scored trackers: error, difference to the best, and covariance or what the error consists of.
+    """Return the scored trackers with error, difference to the best, and verdict on the covariance or parts of GOSPA.
 
     Args:
-        result: of the run, with a truth.
-        room: characters for a line, in which the words on a covariance are shortened to fit.
+        result: a run with a truth.
+        room: characters of a line, for which the words on a covariance are shortened.
     """
     trackers, path = result.scored, result.summary.headline
     values = [metric_of(tracker, path).value for tracker in trackers]
     least = min((value for value in values if value), default=1.0)
-    # Three digits where two tell errors apart by 5 % alone.
+    # Two digits would tell errors that begin with a 1 apart only by 5 % or more.
     places = decimals(values, 3 if f"{least:e}"[0] == "1" else 2)
     heading = "error m" if path == "position_rmse" else f"{result.summary.headline_name} m"
     columns = [
         (TRACKER, _names(result)),
         (Column(heading), [Cell(short(value, places)) for value in values]),
-        (Column("", left=True), [Cell(bar) for bar in bars(values)]),
+        (Column("", left=True), [Cell(_bar((value or 0.0) / least)) for value in values]),
         (Column("to the best", left=True), _to_the_best(result)),
     ]
     if result.summary.identities == "hidden":
@@ -93,21 +93,21 @@ def summary_table(result: Result, room: int = 80) -> Table:
 
 
 def _covariances(trackers: Sequence[TrackerResult], room: int) -> list[Cell]:
-    """Mean NEES and words on each covariance, shortened where they are longer than ``room``."""
-    every = [metric_of(tracker, "nees") for tracker in trackers]
-    means = [NOT_AVAILABLE if nees.mean is None else mean_text(nees.mean) for nees in every]
+    """Return mean NEES and verdict of each covariance, with the verdict's conditions where ``room`` suffices."""
+    metrics = [metric_of(tracker, "nees") for tracker in trackers]
+    means = [NOT_AVAILABLE if nees.mean is None else mean_text(nees.mean) for nees in metrics]
     width = max(map(len, means))
     cells = []
-    for tracker, nees, mean in zip(trackers, every, means, strict=True):
-        text, less = (
+    for tracker, nees, mean in zip(trackers, metrics, means, strict=True):
+        text, short_text = (
             f"{mean:>{width}} {verdict_in_words(nees, tracker.conditions, whole=whole)}" for whole in (True, False)
         )
-        cells.append(Cell((text if len(text) <= room else less).rstrip(), tone=tone_of(nees)))
+        cells.append(Cell((text if len(text) <= room else short_text).rstrip(), tone=tone_of(nees)))
     return cells
 
 
 def wide_table(result: Result) -> Table:
-    """The scored trackers with velocity, reference, groups and the time of a step, or all columns of tracks."""
+    """Return the scored trackers with the columns that ``--wide`` shows."""
     kind = kind_of(result)
     columns = [(TRACKER, _names(result))]
     columns += [(Column(h), _cells(result, path, digits, factor)) for h, path, digits, factor in COLUMNS[kind]]
@@ -120,26 +120,21 @@ def _names(result: Result) -> list[Cell]:
     return [Cell(tracker.name + "*" * tracker.is_reference, tracker=tracker.name) for tracker in result.scored]
 
 
-#: Blocks of the smallest error's bar, and of the longest; a longer one ends in an arrow.
+#: Blocks of the smallest error's bar, and of the longest bar; a longer one ends in an arrow.
 _LEAST, _MOST = 2, 6
 _EIGHTHS = " ▏▎▍▌▋▊▉"
 
 
-def bars(values: Sequence[float | None]) -> list[str]:
-    """Return a bar of each error, that of the smallest two blocks long: "██", "██▌", "██████▶"."""
-    least = min((value for value in values if value), default=1.0)
-
-    def bar(value: float | None) -> str:
-        eighths = round(8 * _LEAST * (value or 0.0) / least)
-        if eighths > 8 * _MOST:
-            return "█" * _MOST + "▶"
-        return ("█" * (eighths // 8) + _EIGHTHS[eighths % 8]).rstrip()
-
-    return list(map(bar, values))
+def _bar(ratio: float) -> str:
+    """Return the bar of an error as a multiple of the smallest: "██", "██▌", "██████▶"."""
+    eighths = round(8 * _LEAST * ratio)
+    if eighths > 8 * _MOST:
+        return "█" * _MOST + "▶"
+    return ("█" * (eighths // 8) + _EIGHTHS[eighths % 8]).rstrip()
 
 
 def _to_the_best(result: Result) -> list[Cell]:
-    """How much larger each error is than the best's, in per cent or times, and a word."""
+    """Return how much larger each error is than the best tracker's, and whether a difference is shown."""
     if not result.contenders:
         return [Cell("") for _ in result.scored]
     best, pairs, runs = result.contenders[0], Pairs(result), result.summary.runs
@@ -153,27 +148,27 @@ def _to_the_best(result: Result) -> list[Cell]:
             cells.append(Cell("    -" if tracker is best else ""))
         else:
             word = difference_word(pair.verdict) if pair and not pairs.unjudged else ""
-            cells.append(Cell(f"{times(value, least):>5} {word}".rstrip(), tone="warn" if word == "worse" else ""))
+            ratio = ratio_text(value / least)
+            cells.append(Cell(f"{ratio:>5} {word}".rstrip(), tone="warn" if word == "worse" else ""))
     return cells
 
 
-def times(value: float, least: float) -> str:
-    """ "+26 %", from twice as much on "x2.4", from ten times on "x12"."""
-    ratio = value / least
+def ratio_text(ratio: float) -> str:
+    """Return a ratio as "+26 %", from 2 on as "x2.4", from 10 on as "x12"."""
     if ratio < 2:
         return f"{100 * (ratio - 1):+.0f} %".replace("-", "\N{MINUS SIGN}")
     return f"x{ratio:.1f}" if ratio < 10 else f"x{ratio:.0f}" if ratio < 1e4 else f"x{ratio:.0e}"
 
 
 def _cells(result: Result, path: str, digits: int, factor: float) -> list[Cell]:
-    """One metric down the column; the position error with its interval where identities are known."""
+    """Return the cells of one metric; the position error of known objects has its interval."""
     trackers = result.scored
     metrics = [metric_of(tracker, path) for tracker in trackers]
     if path == "nees":
         return [Cell(NOT_AVAILABLE if m.mean is None else mean_text(m.mean), tone=tone_of(m)) for m in metrics]
     values = [None if m.value is None else factor * m.value for m in metrics]
     places = decimals(values, digits)
-    # The interval of a mean that few runs decide says nothing.
+    # Few runs decide the mean of a tracker that diverged, so its interval says nothing.
     shown = [MetricValue(unit=m.unit) if t.health.diverged_runs else m for t, m in zip(trackers, metrics, strict=True)]
     with_intervals = path == "position_rmse" and result.summary.identities == "known"
     ends = intervals_in_short(shown, places) if with_intervals else [""] * len(metrics)
@@ -181,13 +176,13 @@ def _cells(result: Result, path: str, digits: int, factor: float) -> list[Cell]:
 
 
 def print_summary(result: Result, console: Console, folder: Path | None = None, *, wide: bool = False) -> None:
-    """Print who is best, the table of trackers, what a reader must know of it, what was not met, and what to do next.
+    """Print the answer, the table of trackers with notes, the expectations that are not met, and the next steps.
 
     Args:
-        result: of the run.
-        console: for the text.
-        folder: where the run was written; None where no command should follow.
-        wide: with velocity, reference, groups and step time in a second table.
+        result: the run.
+        console: console that prints.
+        folder: folder of the run, for the commands of the next steps; None prints none.
+        wide: whether a second table shows velocity, reference, groups and step time.
     """
     print_hanging(console, "", Text(verdict_of_run(result), "bold"))
     listed = result.listed
@@ -210,14 +205,13 @@ def print_summary(result: Result, console: Console, folder: Path | None = None, 
 
 
 def print_outcome(result: Result, console: Console) -> None:
-    """Print one line, and what failed."""
+    """Print how many expectations are met, the unranked trackers, and the expectations that are not met."""
     console.print(Text(f"{result.name}: {expectations_met(result.summary.expectations)}"), highlight=False)
     _print_unranked(result, console)
     _print_missed(result, console)
 
 
 def _print_unranked(result: Result, console: Console) -> None:
-    """Print why each tracker that is not ranked is not."""
     for tracker in result.unscored:
         label = Text("FAILED ", STYLE["bad"]) if tracker.failed else Text("NOT RANKED ", STYLE["warn"])
         why = f"{tracker.name}: {result.why_unscored(tracker)}{_errors_of(tracker)}"
@@ -225,7 +219,7 @@ def _print_unranked(result: Result, console: Console) -> None:
 
 
 def _errors_of(tracker: TrackerResult) -> str:
-    """ "; position RMSE 0.123 m, velocity RMSE 1.23 m/s", as far as there are any."""
+    """Return "; position RMSE 0.123 m, velocity RMSE 1.23 m/s", with the values that the tracker has."""
     errors = [
         f"{path.replace('_rmse', ' RMSE')} {rounded(metric.value, decimals([metric.value]))} {metric.unit}"
         for path in ("position_rmse", "velocity_rmse")
@@ -242,7 +236,7 @@ def _print_missed(result: Result, console: Console) -> None:
 
 
 def _print_next(result: Result, folder: Path, console: Console) -> None:
-    """Print what to look at, and what to ask next, each with its file or command."""
+    """Print the next questions, the recording and the report, each with its command or file."""
     steps = dict(questions(result))
     if result.summary.has_recording:
         steps["The worst moment"] = (
@@ -251,29 +245,29 @@ def _print_next(result: Result, folder: Path, console: Console) -> None:
     if report := result.summary.artifacts.get("report"):
         steps["The report"] = str(folder / report)
     width = max(map(len, steps), default=0)
-    for what, how in steps.items():
-        console.print(Text.assemble((f"{what:<{width}}  ", "dim"), how), soft_wrap=True, highlight=False)
+    for step, command in steps.items():
+        console.print(Text.assemble((f"{step:<{width}}  ", "dim"), command), soft_wrap=True, highlight=False)
 
 
 def run_in_words(result: Result) -> str:
-    """Return what was run: "100 noise draws of ONE scene (5 vehicles, 20.0 s), seed 7"."""
+    """Return the extent of a run: "100 noise draws of ONE scene (5 vehicles, 20.0 s), seed 7"."""
     summary = result.summary
-    what = f"{summary.truth.vehicles}, {duration(result)}"
+    scene = f"{summary.truth.vehicles}, {duration(result)}"
     if summary.truth.scenes or summary.runs == 1 or (summary.truth.model_extra or {}).get("random"):
-        return f"{runs_in_words(result)} ({what}), seed {summary.seed}"
-    return f"{summary.runs} noise draws of ONE scene ({what}), seed {summary.seed}"
+        return f"{runs_in_words(result)} ({scene}), seed {summary.seed}"
+    return f"{summary.runs} noise draws of ONE scene ({scene}), seed {summary.seed}"
 
 
+#: Letters of groups that a reader takes in at a glance.
 _MOST_LETTERS = 12
 
 
 def _too_many_groups(shown: Standing) -> bool:
-    """Whether there are so many letters that they say nothing at a glance."""
     return max(map(len, shown.cells)) > _MOST_LETTERS
 
 
 def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
-    """How much some trackers gave of what they should."""
+    """Return a note on the trackers that gave too few of the due estimates."""
     shares = [(tracker.name, metric_of(tracker, "coverage").value or 0.0) for tracker in trackers]
     part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < LEAST_COVERAGE]
     rest = "; all others 99 % or more" if len(part) < len(trackers) else ""
@@ -281,12 +275,12 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
 
 
 def _notes(result: Result) -> list[str]:
-    """What a reader must know of the table, where there is something."""
+    """Return the notes under the table: point scored, divergence, headings, coverage, remarks and repairs."""
     trackers, summary = result.scored, result.summary
     remarked = [
         f"*: {text}" if text in (REMARKS["reference"], REMARKS["offline"]) else text for text in remarks(result)
     ]
-    notes = [*filter(None, [sentence_on_point(summary.score.point)]), *_far(result)]
+    notes = [*filter(None, [sentence_on_point(summary.score.point)]), *_large_errors(result)]
     if not summary.truth.known:
         return [*notes, *_NO_TRUTH, *remarked]
     if summary.identities == "hidden":
@@ -305,12 +299,12 @@ _NO_TRUTH = (
     "score: of predicted detections, nats",
 )
 
-#: An error of so many times the RMSE, and so many m, went far.
-_FAR, _LEAST_FAR_M = 10.0, 2.0
+#: A large error exceeds this many times the RMSE, and this many m.
+_LARGE_RATIO, _LARGE_M = 10.0, 2.0
 
 
-def _far(result: Result) -> list[str]:
-    """From which error a run has diverged, or the largest errors of the recorded run where none diverged."""
+def _large_errors(result: Result) -> list[str]:
+    """Return a note on the divergence limit if a run diverged, else on large errors of the recorded run."""
     limit = result.summary.score.divergence_m
     if any(tracker.health.diverged_runs for tracker in result.scored):
         return [f"diverged: number of runs with an error above {limit:g} m"] if limit else []
@@ -319,16 +313,16 @@ def _far(result: Result) -> list[str]:
         return []
     names, errors = table["tracker"].to_numpy(), np.where(table["due"].to_numpy() == 1, table["position_error_m"], 0.0)
     largest = {t.name: float(np.nanmax(errors[names == t.name], initial=0.0)) for t in result.filtering}
-    far = [
+    large = [
         f"{t.name} {rounded(largest[t.name], 1)} m"
         for t in result.filtering
-        if largest[t.name] > max(_LEAST_FAR_M, _FAR * (metric_of(t, "position_rmse").value or 0.0))
+        if largest[t.name] > max(_LARGE_M, _LARGE_RATIO * (metric_of(t, "position_rmse").value or 0.0))
     ]
-    return [f"largest error in the recorded run: {', '.join(far)}"] if far else []
+    return [f"largest error in the recorded run: {', '.join(large)}"] if large else []
 
 
 def _wide_notes(result: Result) -> list[str]:
-    """What the headings of the wide table mean, and what its intervals rest on."""
+    """Return the meanings of the wide table's headings, the basis of its intervals, and reasons for missing values."""
     trackers, summary = result.scored, result.summary
     notes = []
     if summary.truth.known:

@@ -1,4 +1,4 @@
-"""What went wrong most in the recorded run: the largest errors and, with hidden identities, the costliest events."""
+"""The worst moments of the recorded run: the largest errors and, with hidden identities, the costliest events."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.results import Result
 
 
 def worst_moments(result: Result) -> dict[str, EstimateMoment]:
-    """By tracker, best first, the scored moment of its largest position error in the recorded run."""
+    """Return the moment of each tracker's largest scored position error in the recorded run, best tracker first."""
     if not result.scored:
         return {}
     estimates = recorded_estimates(result)
@@ -24,7 +24,7 @@ def worst_moments(result: Result) -> dict[str, EstimateMoment]:
 
 
 def diverged_elsewhere(result: Result) -> str:
-    """Which of those that filter diverged in other runs than the recorded one: "Not shown: div diverged in run 7."."""
+    """Return which filters diverged in runs other than the recorded one: "Not shown: div diverged in run 7."."""
     runs: dict[str, list[int]] = {}
     filtering = {tracker.name for tracker in result.filtering}
     table = result.tables.if_there("runs")
@@ -39,12 +39,12 @@ def diverged_elsewhere(result: Result) -> str:
 
 
 def moment_text(moment: EstimateMoment) -> str:
-    """Such as "3.18 m, v5 at 7.40 s"."""
+    """Return a moment in words: "3.18 m, v5 at 7.40 s"."""
     return f"{rounded(moment.position_error_m, 2)} m, {moment.object} at {rounded(moment.time_s, 2)} s"
 
 
 def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringed: Sequence[str]) -> Iterator[Section]:
-    """Yield the worst moments of the trackers that the map rings, and the commands that show them in the recording."""
+    """Yield a section on the worst moments of the trackers ``ringed`` in the map, with the commands that show them."""
     rows = [(name, moments[name]) for name in ringed if name in moments]
     if not rows:
         return
@@ -63,14 +63,14 @@ def _commands(result: Result, moments: int, tracker: str) -> Code:
     return Code(f"trackbench inspect . --worst {moments}{view}", "sh")
 
 
-#: The most rows of causes.
+#: Rows of the table of causes, at most.
 MOST_CAUSES = 16
 
 
 def events_section(result: Result) -> Iterator[Section]:
-    """Yield the costliest event of each tracker in the recorded run, and what all runs' events come from."""
+    """Yield a section on each tracker's costliest event in the recorded run, and on the causes of all runs' events."""
     run = result.summary.recorded_run
-    rows = [(tracker.name, own[0]) for tracker in result.scored if (own := events_of(result, tracker.name, run))]
+    rows = [(tracker.name, events[0]) for tracker in result.scored if (events := events_of(result, tracker.name, run))]
     if not rows:
         return
     columns: dict[Column, Callable[[tuple[str, TrackEvent]], str]] = {
@@ -91,18 +91,18 @@ _COST = "squared GOSPA of the missed objects and false tracks until it ends, or 
 
 
 def _causes(result: Result) -> Iterator[Table]:
-    """What the missed objects, false tracks and switches of each tracker come from; nothing where there are none."""
+    """Yield a table of each tracker's costliest causes of missed objects, false tracks and switches, if any."""
     rows: list[tuple[str, ...]] = []
     trackers = result.drawn
     for tracker in trackers:
         costs: dict[tuple[str, str], float] = defaultdict(float)
-        times = Counter[tuple[str, str]]()
+        counts = Counter[tuple[str, str]]()
         for event in events_of(result, tracker.name):
             if event.cost_m2 > 0:
                 costs[event.kind, event.cause] += event.cost_m2
-                times[event.kind, event.cause] += 1
+                counts[event.kind, event.cause] += 1
         for key in sorted(costs, key=lambda key: -costs[key])[: max(1, MOST_CAUSES // max(1, len(trackers)))]:
-            rows.append((tracker.name, *key, str(times[key]), percent(costs[key] / sum(costs.values()))))
+            rows.append((tracker.name, *key, str(counts[key]), percent(costs[key] / sum(costs.values()))))
     headings = (
         TRACKER,
         Column("event", left=True),

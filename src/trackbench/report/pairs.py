@@ -1,4 +1,4 @@
-"""Which trackers are better than others: pairs, looked up by name, and the column of the ranking that says so."""
+"""Paired differences of trackers, looked up by name, and the column of the ranking that shows them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from trackbench.results import Result
 
 
 def groups_of(names: Sequence[str], differ: Callable[[str, str], bool]) -> list[frozenset[str]]:
-    """Groups such that two share one exactly when they do not differ, in the order of their first members.
+    """Return groups such that two names share a group exactly if they do not differ, in order of first members.
 
-    The insert-and-absorb algorithm of Piepho, "An algorithm for a letter-based representation of all-pairwise
+    Insert-and-absorb algorithm of Piepho, "An algorithm for a letter-based representation of all-pairwise
     comparisons", J. Comput. Graph. Stat. 13(2), 2004.
     """
     groups = [frozenset(names)]
@@ -29,31 +29,31 @@ def groups_of(names: Sequence[str], differ: Callable[[str, str], bool]) -> list[
 
 
 def group_letter(number: int) -> str:
-    """ "a" to "z", then "aa", "ab" and so on, of the groups from 0 on."""
+    """Return the letter of group 0, 1 and so on: "a" to "z", then "aa", "ab"."""
     before, last = divmod(number, len(ascii_lowercase))
     return (group_letter(before - 1) if before else "") + ascii_lowercase[last]
 
 
 def difference_word(verdict: str) -> str:
-    """Return what is said of a difference, such as "same"; "not shown": neither worse nor the same can be shown."""
+    """Return a verdict on a difference in plain words: "same" for equivalent, "not shown" for undecided."""
     return {EQUIVALENT: "same", UNDECIDED: "not shown"}.get(verdict, verdict)
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A metric of one tracker minus that of another, in the metric's unit."""
+    """Difference of a metric between two trackers, the first minus the second, in the metric's unit."""
 
     value: float
     ci95: tuple[float, float] | None
     verdict: str
-    """Of the first: ``better``, ``worse``, ``equivalent`` or ``undecided``; ``larger`` or ``smaller`` where the
-    difference is shown and neither is called better."""
+    """Verdict on the first tracker: ``better``, ``worse``, ``equivalent`` or ``undecided``; ``larger`` or ``smaller``
+    if the difference is shown and neither tracker is called better."""
     margin: float
-    """Up to which a difference does not matter."""
+    """Difference up to which it does not matter."""
 
 
 class Pairs:
-    """The judged pairs of a result by a metric, that which ranks unless given, looked up in either order."""
+    """Judged differences of a run by the metric ``path``, or by the one that ranks, for two names in either order."""
 
     def __init__(self, result: Result, path: str | None = None) -> None:
         path = path or result.summary.headline
@@ -61,14 +61,14 @@ class Pairs:
             (item.a, item.b): item for item in result.differences if item.metric == path and item.verdict is not None
         }
         self.margins = [item.margin for item in self._items.values()] or [result.summary.score.margin.absolute("m")]
-        """Up to which differences do not matter, m."""
+        """Margins of the differences, m."""
 
-        alone = result.summary.runs == 1 and not any(item.ci95 for item in self._items.values())
-        self.unjudged = "one run: differences cannot be judged" if alone and self._items else ""
-        """Why no difference can be judged; empty where one can."""
+        has_no_interval = result.summary.runs == 1 and not any(item.ci95 for item in self._items.values())
+        self.unjudged = "one run: differences cannot be judged" if has_no_interval and self._items else ""
+        """Reason why no difference can be judged; empty otherwise."""
 
     def get(self, a: str, b: str) -> Pair | None:
-        """The difference ``a`` minus ``b``, or None where the pair was not compared."""
+        """Return the difference ``a`` minus ``b``, or None if the pair was not compared."""
         item, sign = self._items.get((a, b)), 1.0
         if item is None:
             item, sign = self._items.get((b, a)), -1.0
@@ -81,60 +81,58 @@ class Pairs:
         return Pair(sign * item.value, ci95, word, item.margin)
 
     def differ(self, a: str, b: str) -> bool:
-        """Whether one is called better than the other: shown by more than the margin."""
+        """Whether one of two trackers is called better: the difference is shown to exceed the margin."""
         item = self._items.get((a, b)) or self._items.get((b, a))
         return item is not None and item.better is not None
 
     def within(self, name: str, others: Iterable[str]) -> str:
-        """ "within 5 mm": up to what a difference from each of the others does not matter."""
+        """Return the margins of a tracker's differences from ``others``, as "within 5 mm"."""
         return f"within {margin_words(pair.margin for other in others if (pair := self.get(name, other)))}"
 
-    def undecided(self, name: str) -> bool:
-        """Whether in some pair with it neither is called better."""
+    def has_undecided(self, name: str) -> bool:
+        """Whether a tracker is in a pair in which neither is called better."""
         return any(name in names and item.better is None for names, item in self._items.items())
 
-    def turned(self, names: Sequence[str]) -> dict[str, list[str]]:
-        """By tracker, those of ``names`` than which it is not called better: for missing estimates alone it is."""
-        others: dict[str, list[str]] = {}
+    def only_by_charges(self, names: Sequence[str]) -> dict[str, list[str]]:
+        """Return by tracker the trackers with larger errors only because of the charge for missing estimates."""
+        larger_errors: dict[str, list[str]] = {}
         for (a, b), item in self._items.items():
             if item.turned and a in names and b in names:
                 smaller, larger = (a, b) if item.value < 0 else (b, a)
-                others.setdefault(smaller, []).append(larger)
-        return others
+                larger_errors.setdefault(smaller, []).append(larger)
+        return larger_errors
 
 
-def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
-    """Letters such that two trackers share one exactly when neither is called better.
-
-    ``names`` are in order of rank, so "a" is the best.
-    """
-    sets = groups_of(names, pairs.differ)
-    gap = " " if len(sets) > len(ascii_lowercase) else ""
-    return {name: gap.join(group_letter(i) for i, g in enumerate(sets) if name in g) for name in names}
+def group_letters(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
+    """Return the letters of each tracker; two trackers share one exactly if neither is called better."""
+    groups = groups_of(names, pairs.differ)
+    gap = " " if len(groups) > len(ascii_lowercase) else ""
+    return {name: gap.join(group_letter(i) for i, group in enumerate(groups) if name in group) for name in names}
 
 
 @dataclass(frozen=True)
 class Standing:
-    """A column of the ranking: which of the differences from others were shown."""
+    """Column of the ranking that shows the verdicts on differences between trackers."""
 
     heading: str
     short: str
-    """The same for a terminal."""
+    """Heading in a terminal."""
     meaning: str
     cells: list[str]
-    """Of each scored tracker."""
+    """Text for each scored tracker."""
 
 
 def standing(result: Result) -> Standing:
-    """Letters where every pair is compared, else what was shown of each tracker and the one that it is held against.
+    """Return letters of groups if every pair is compared, else each tracker's verdict against one tracker.
 
-    A reference or a smoother is no competitor and has none.
+    A reference or a smoother is no competitor and has an empty cell.
     """
     score, pairs = result.summary.score, Pairs(result)
     margin, names = margin_words(pairs.margins), [tracker.name for tracker in result.contenders if tracker.paired]
     if score.against is None:
         heading = short = "group"
-        meaning, cells = (f"the same letter: no difference over {margin} is shown", groups(names, pairs))
+        meaning = f"trackers that share a letter are not shown to differ by more than {margin}"
+        cells = group_letters(names, pairs)
         if pairs.unjudged:
             meaning, cells = pairs.unjudged, {}
     else:
@@ -145,6 +143,6 @@ def standing(result: Result) -> Standing:
         heading, short = "not shown worse than the best", "best?"
         meaning = f"not shown to be worse than {score.best}, the best of {len(names)}, by more than {margin}"
         cells = {name: "" if words.get(name) == "worse" else "yes" for name in names}
-    # An interval of runs of which few decide the mean says nothing.
-    cells |= {t.name: "diverged" for t in result.contenders if t.health.diverged_runs and pairs.undecided(t.name)}
+    # Few runs decide the mean of a tracker that diverged, so its interval says nothing.
+    cells |= {t.name: "diverged" for t in result.contenders if t.health.diverged_runs and pairs.has_undecided(t.name)}
     return Standing(heading, short, meaning, [cells.get(tracker.name, "") for tracker in result.scored])

@@ -23,29 +23,28 @@ from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic.assignment import TrackHistory, TruthHistory, count_by_gospa, nearby
 from trackbench.metrics.traffic.set_distances import gospa
-from trackbench.report.figures.map import MARKS, path_of
+from trackbench.report.figures.map import MARKS
 from trackbench.report.moments import moment_text
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split, table_columns
 from trackbench.results.folder import FALSE_ALARM
 
-#: Around everything that moves, m.
+#: Margin around all paths, m.
 _MARGIN_M = 6.0
-#: Side of a fixed observer, m.
-_POST_M = 1.0
+#: Shortest side of a drawn vehicle or fixed observer, m.
+_SHORTEST_M = 1.0
 
 
 def replay_of_run(
     result: Result, styles: Sequence[TrackerStyle], chosen: Sequence[str], moments: Mapping[str, EstimateMoment]
 ) -> ReplayScene | None:
-    """Return the recorded run, opening at the largest error of the chosen trackers, or at the costliest event of the
-    first; None without a true path.
+    """Return the scene of the recorded run, which opens at its worst moment; None without a true path.
 
     Args:
-        result: of the run.
-        styles: of the trackers that a reader may choose.
-        chosen: the names of those that are shown at first, best first.
-        moments: by tracker, the moment of its largest error, where identities are known.
+        result: the run.
+        styles: styles of the trackers that a reader may choose.
+        chosen: names of the trackers shown at first, best first.
+        moments: moment of each tracker's largest error, where identities are known.
     """
     hidden = result.summary.identities == "hidden"
     vehicles = {path.name: path for path in _vehicles(result)}
@@ -53,24 +52,24 @@ def replay_of_run(
         return None
     places = np.concatenate([path.position for path in vehicles.values()], axis=1)
     (left, bottom), (right, top) = places.min(axis=1) - _MARGIN_M, places.max(axis=1) + _MARGIN_M
-    errors = _gospa(result, styles) if hidden else _largest_errors(result, styles)
+    errors = _gospa_over_time(result, styles) if hidden else _largest_errors(result, styles)
     quantity = "GOSPA of this run" if hidden else "Largest position error of any vehicle"
     lines = tuple(ChartLine((style.key,), style.name, style.colour, *errors[style.name]) for style in styles)
     if hidden:
-        happened = [event for event in events_of(result, run=result.summary.recorded_run) if event.kind in MARKS]
+        marked = [event for event in events_of(result, run=result.summary.recorded_run) if event.kind in MARKS]
         events = [
             ReplayEvent(event.tracker, event.kind, event.time_s, event.x_m, event.y_m, f"{event.kind}, {event.reason}")
-            for event in happened
+            for event in marked
             if event.tracker in errors
         ]
         worst = next((event for event in events if event.tracker in chosen[:1]), None)
-        start = _opening(worst, vehicles) if worst else _largest(*errors[chosen[0]])
+        start = _start_at_event(worst, vehicles) if worst else _start_at_largest(*errors[chosen[0]])
     else:
-        events = _largest_of_each({name: moments[name] for name in errors if name in moments}, vehicles)
-        own = [name for name in chosen if name in moments]
-        farthest = max(own, key=lambda name: moments[name].position_error_m or 0.0, default="")
+        events = _worst_events({name: moments[name] for name in errors if name in moments}, vehicles)
+        scored = [name for name in chosen if name in moments]
+        farthest = max(scored, key=lambda name: moments[name].position_error_m or 0.0, default="")
         worst = next((event for event in events if event.tracker == farthest), None)
-        start = _opening(worst, vehicles) if worst else None
+        start = _start_at_event(worst, vehicles) if worst else None
     return ReplayScene(
         "run",
         (*vehicles.values(), *_tracks(result, styles)),
@@ -88,32 +87,37 @@ def replay_of_run(
 
 def _vehicles(result: Result) -> Iterator[ReplayPath]:
     for (name, role), rows in split(result.tables.truth, "object", "role").items():
-        there = rows["alive"].astype(bool)
-        if there.any():
-            length, width = (max(float(rows[side][there][0]), _POST_M) for side in ("length_m", "width_m"))
-            colour = OBSERVER_COLOUR if role == "observer" else TRUTH_COLOUR
-            at, heading = np.stack(path_of(rows)), np.unwrap(rows["heading_rad"][there])
-            yield ReplayPath(name, colour, rows["time_s"][there], at, heading=heading, size=(length, width))
+        rows = {column: values[rows["alive"].astype(bool)] for column, values in rows.items()}
+        if len(rows["time_s"]):
+            yield ReplayPath(
+                name,
+                OBSERVER_COLOUR if role == "observer" else TRUTH_COLOUR,
+                rows["time_s"],
+                _position(rows),
+                heading=np.unwrap(rows["heading_rad"]),
+                size=(max(float(rows["length_m"][0]), _SHORTEST_M), max(float(rows["width_m"][0]), _SHORTEST_M)),
+                is_observer=role == "observer",
+            )
 
 
 def _lanes(result: Result) -> Iterator[Array]:
     if result.tables.roads.num_rows:
         line, x, y = table_columns(result.tables.roads).values()
-        yield from (np.stack([x, y])[:, line == each] for each in np.unique(line))
+        yield from (np.stack([x, y])[:, line == number] for number in np.unique(line))
 
 
 def _tracks(result: Result, styles: Sequence[TrackerStyle]) -> Iterator[ReplayPath]:
-    """Yield the estimates of each object, or with hidden identities the tracks, with their numbers beside them."""
+    """Yield the estimates of each object or, with hidden identities, the tracks labelled by their numbers."""
     colours = {style.name: style.colour for style in styles}
     hidden = result.summary.identities == "hidden"
     table, key = (result.tables.tracks, "track") if hidden else (result.tables.estimates, "object")
     for (tracker, identity), rows in split(table, "tracker", key).items():
-        there = np.isfinite(_position(rows)).all(axis=0)
-        if tracker in colours and there.any():
-            p = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])[:, :, there]
+        finite = np.isfinite(_position(rows)).all(axis=0)
+        if tracker in colours and finite.any():
+            p = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])[:, :, finite]
             label = f"{float(identity):g}" if hidden else ""
-            time, at = rows["time_s"][there], _position(rows)[:, there]
-            yield ReplayPath(identity, colours[tracker], time, at, p, tracker=tracker, label=label)
+            time, position = rows["time_s"][finite], _position(rows)[:, finite]
+            yield ReplayPath(identity, colours[tracker], time, position, p, tracker=tracker, label=label)
 
 
 def _position(rows: Columns) -> Array:
@@ -125,25 +129,24 @@ _NOISE = re.compile(r"([a-z ]+) (\S+) ")
 
 
 def _measurements(result: Result) -> Iterator[ReplayMeasurements]:
-    """Yield the measurements that have a position, with the covariance that the sensor states."""
+    """Yield the measured positions of each sensor, with the covariance that the sensor states."""
     colours = sensor_colours(result.summary.sensors)
     for (sensor,), rows in split(result.tables.measurements, "sensor").items():
-        there = rows["valid"].astype(bool) & np.isfinite(rows["x_m"])
-        rows = {name: values[there] for name, values in rows.items()}
-        at = np.stack([rows["x_m"], rows["y_m"]])
-        seen_from = at - [rows["sensor_x_m"], rows["sensor_y_m"]]
+        has_position = rows["valid"].astype(bool) & np.isfinite(rows["x_m"])
+        rows = {name: values[has_position] for name, values in rows.items()}
+        position = np.stack([rows["x_m"], rows["y_m"]])
+        from_sensor = position - [rows["sensor_x_m"], rows["sensor_y_m"]]
         sigmas = {name.strip(): float(size) for name, size in _NOISE.findall(result.summary.sensors[sensor].noise)}
         along, across, angle = (sigmas.get(name, 0.0) for name in ("x", "y", "azimuth"))
         yaw = rows["sensor_yaw_rad"]
         if "range" in sigmas:
-            yaw = np.arctan2(seen_from[1], seen_from[0])
-            along, across = sigmas["range"], np.deg2rad(angle) * np.hypot(*seen_from)
+            yaw = np.arctan2(from_sensor[1], from_sensor[0])
+            along, across = sigmas["range"], np.deg2rad(angle) * np.hypot(*from_sensor)
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         spread = np.array([np.full(len(yaw), along), np.broadcast_to(across, len(yaw))]) ** 2
         covariance = np.einsum("ikn,kn,jkn->ijn", turn, spread, turn)
-        yield ReplayMeasurements(
-            sensor, colours[sensor], rows["time_s"], at, covariance, np.asarray(rows["object"] == FALSE_ALARM)
-        )
+        is_false = np.asarray(rows["object"] == FALSE_ALARM)
+        yield ReplayMeasurements(sensor, colours[sensor], rows["time_s"], position, covariance, is_false)
 
 
 #: Times, s, and values.
@@ -151,7 +154,7 @@ Series = tuple[Array, Array]
 
 
 def _largest_errors(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
-    """Return by tracker the largest position error of any due object at each instant, m."""
+    """Return, by tracker, the largest position error of any due object at each instant, m."""
     rows_of = split(result.tables.estimates, "tracker")
     errors: dict[str, Series] = {}
     for style in styles:
@@ -162,8 +165,8 @@ def _largest_errors(result: Result, styles: Sequence[TrackerStyle]) -> dict[str,
     return errors
 
 
-def _gospa(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
-    """Return by tracker GOSPA at each instant of the recorded run, m."""
+def _gospa_over_time(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
+    """Return, by tracker, GOSPA at each instant of the recorded run, m."""
     due, motions = split(result.tables.due, "object"), split(result.tables.truth, "object")
     if not due:
         return {style.name: (np.empty(0), np.empty(0)) for style in styles}
@@ -186,32 +189,35 @@ def _gospa(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
     return values
 
 
-def _largest_of_each(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, ReplayPath]) -> list[ReplayEvent]:
-    """Return the moment of the largest error of each tracker as an event, where the object then was."""
+def _worst_events(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, ReplayPath]) -> list[ReplayEvent]:
+    """Return each tracker's moment of the largest error as an event at the object's true position."""
     return [
         ReplayEvent(
             name,
             "worst",
             moment.time_s,
-            *_at(vehicles[moment.object], moment.time_s),
+            *_position_at(vehicles[moment.object], moment.time_s),
             f"largest error {moment_text(moment)}",
         )
         for name, moment in moments.items()
     ]
 
 
-def _largest(time: Array, value: Array) -> ReplayStart | None:
-    """Return the start at the largest value, with the whole scene."""
+def _start_at_largest(time: Array, value: Array) -> ReplayStart | None:
+    """Return a start at the time of the largest value, with the whole scene."""
     return ReplayStart(float(time[np.argmax(value)]), "") if len(time) else None
 
 
-def _opening(event: ReplayEvent, vehicles: Mapping[str, ReplayPath]) -> ReplayStart:
-    """Return the start at an event, with the nearest vehicle in the middle."""
-    there = [name for name, path in vehicles.items() if path.time[0] <= event.time_s + 1e-9 <= path.time[-1] + 2e-9]
-    away = {name: float(np.hypot(*np.subtract(_at(vehicles[name], event.time_s), event[3:5]))) for name in there}
-    return ReplayStart(event.time_s, min(away, key=lambda name: away[name], default=""))
+def _start_at_event(event: ReplayEvent, vehicles: Mapping[str, ReplayPath]) -> ReplayStart:
+    """Return a start at an event, with the nearest vehicle in the middle."""
+    distance_m = {
+        name: float(np.hypot(*np.subtract(_position_at(path, event.time_s), event[3:5])))
+        for name, path in vehicles.items()
+        if path.time[0] <= event.time_s + 1e-9 <= path.time[-1] + 2e-9
+    }
+    return ReplayStart(event.time_s, min(distance_m, key=lambda name: distance_m[name], default=""))
 
 
-def _at(path: ReplayPath, time_s: float) -> tuple[float, float]:
+def _position_at(path: ReplayPath, time_s: float) -> tuple[float, float]:
     x, y = (float(np.interp(time_s, path.time, values)) for values in path.position)
     return x, y

@@ -1,4 +1,4 @@
-"""The report of a result: one page, whose sections follow from its identities, its truth and its metrics."""
+"""The report of a run: one page, whose sections depend on its identities, its truth and its metrics."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
 from trackbench.report.conditions import condition_tables, consistency_table
 from trackbench.report.figures.over_time import errors_over_time, gospa_over_time
-from trackbench.report.first_screen import first_screen, picture, shown_first
+from trackbench.report.first_screen import first_screen, picture, trackers_in_picture
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import margin_words
 from trackbench.report.pairs import Pairs, standing
 from trackbench.report.scenes import (
     ONE_RUN,
     basis_of_intervals,
-    scenes,
+    missing_intervals,
+    scene_blocks,
     undrawn_scenes,
     values_of_few_scenes,
-    without_interval,
 )
 from trackbench.report.sentences import facts, provenance, remarks
-from trackbench.report.truth_and_sensors import audit_table, conclusion, sensor_table
+from trackbench.report.truth_and_sensors import audit_table, sensor_table, truth_verdict
 from trackbench.report.verdicts import CERTAINTY, REMARKS
 from trackbench.results import Result
 
 
 def result_document(result: Result) -> Document:
-    """The report of a run."""
+    """Return the report of a run."""
     trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
     styles = tracker_styles(result.places)
     shown = [styles[tracker.name] for tracker in result.drawn]
@@ -52,7 +52,7 @@ def result_document(result: Result) -> Document:
 def _sections(
     result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
 ) -> Iterator[Section]:
-    """What is between the verdict and the expectations."""
+    """Yield the sections between the verdict and the expectations."""
     summary, scored = result.summary, result.scored
     if not summary.truth.known:
         for title, (note, paths) in _WITHOUT_TRUTH.items():
@@ -60,15 +60,15 @@ def _sections(
         missing = ", ".join(map(tables.metric_in_words, TRACK_METRICS))
         yield Section("What cannot be told", (Paragraph(f"These need a truth: {missing}."),))
         return
-    others = tables.other_metrics(result)
+    other_metrics = tables.other_metrics(result)
     if scored:
         yield _ranking(result)
     if summary.truth.scenes:
-        yield Section("Scene by scene", tuple(scenes(result)))
+        yield Section("Scene by scene", tuple(scene_blocks(result)))
     yield from collected("sections", result, shown)
     if summary.identities == "known":
         yield from _section("Over time", errors_over_time(result, shown))
-        yield from moments_section(result, moments, shown_first(result, shown))
+        yield from moments_section(result, moments, trackers_in_picture(result, shown))
         yield from _section("By manoeuvre and range", *condition_tables(result), folded=True)
         yield Section("Consistency", (consistency_table(result),), folded=True)
     else:
@@ -79,11 +79,11 @@ def _sections(
             if title == tables.MATCHED:
                 caption = REMARKS["matched"].format(reach=(summary.score.cutoff_m or 0.0) / 2)
             yield Section(title, (tables.track_table(title, scored, paths, caption=caption),), folded=True)
-    if others is not None:
-        yield Section("Other metrics", (others,))
+    if other_metrics is not None:
+        yield Section("Other metrics", (other_metrics,))
 
 
-#: The sections without a truth: title, what to know of it, and the metrics that are the columns of its table.
+#: Sections of a run without a truth: a note and the metrics of the table, by title.
 _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
     "Tracks": (
         "More or longer tracks are not better: they may be on no object.",
@@ -98,31 +98,30 @@ _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def _ranking(result: Result) -> Section:
-    """Every scored tracker, what intervals and verdicts rest on, and what must be known of some."""
+    """Return the ranking of the scored trackers, with the basis of intervals and verdicts, and remarks."""
     summary, column, pairs = result.summary, standing(result), Pairs(result)
     basis = f"Small print: 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
         basis = f"No valid interval, and no verdict, with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
         basis = basis if summary.truth.scenes else f"{ONE_RUN}."
-    note, told = f"“{column.heading}”: {column.meaning}. {basis}", remarks(result)
+    note, listed = f"“{column.heading}”: {column.meaning}. {basis}", remarks(result)
     if len(result.scored) > 1:
         which = "all pairs" if summary.score.baseline is None else f"all trackers against {summary.score.baseline}"
         kind = CERTAINTY["all pairs" if summary.score.best is None else "best of many"]
         note += " " + kind.format(margin=margin_words(pairs.margins), pairs=which, best=summary.score.best)
-        told += undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
-    told += filter(None, [without_interval(result)])
-    listed = [Items(tuple(Item(f"{remark}.") for remark in told))] if told else []
-    return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *listed))
+        listed += undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
+    listed += filter(None, [missing_intervals(result)])
+    items = [Items(tuple(Item(f"{remark}.") for remark in listed))] if listed else []
+    return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *items))
 
 
 def _section(title: str, *blocks: Figure | Table | None, folded: bool = False) -> Iterator[Section]:
-    """Yield a section of what is there, beside each other; none where nothing is."""
-    if there := tuple(block for block in blocks if block):
-        yield Section(title, (Row(there),), folded)
+    """Yield a section with the blocks that are not None beside each other; no section without any."""
+    if present := tuple(block for block in blocks if block):
+        yield Section(title, (Row(present),), folded)
 
 
 def _expectations(result: Result) -> Iterator[Block]:
-    """What was expected, and what it is held against."""
     yield tables.expectation_table(result)
     if any(item.operator in ("below", "above") for item in result.summary.expectations):
         yield Paragraph(
@@ -136,7 +135,7 @@ def _truth_and_sensors(result: Result) -> Section:
         return Section("Sensors", (sensor_table(result),))
     audit = audit_table(truth)
     tables_shown = (audit, sensor_table(result)) if audit else (sensor_table(result),)
-    return Section("Truth and sensors", (Paragraph(conclusion(truth)), *tables_shown), folded=True)
+    return Section("Truth and sensors", (Paragraph(truth_verdict(truth)), *tables_shown), folded=True)
 
 
 def _reproduction(result: Result) -> Iterator[Block]:
@@ -150,5 +149,5 @@ def _reproduction(result: Result) -> Iterator[Block]:
         Item(f"scenario.text in result.json{changed}", f"text of {scenario.file}"),
     ]
     yield Items(tuple(items))
-    if made := provenance(result):
-        yield Section("Provenance", (Items(tuple(Item(text, label) for label, text in made)),))
+    if origins := provenance(result):
+        yield Section("Provenance", (Items(tuple(Item(text, label) for label, text in origins)),))

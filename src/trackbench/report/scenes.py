@@ -1,4 +1,4 @@
-"""Single scenes of a run, and what its intervals rest on."""
+"""The scenes of a run one by one, and the basis of its intervals."""
 
 from __future__ import annotations
 
@@ -17,23 +17,29 @@ ONE_RUN = "No intervals: a single run of one scene does not show what is chance"
 
 
 def runs_in_words(result: Result) -> str:
-    """ "100 runs", "10 scenes of 20 runs", or "10 stretches of one log"."""
+    """Return the number of runs and scenes: "100 runs", "10 scenes of 20 runs", or "10 stretches of one log"."""
     truth = result.summary.truth
     return parts_in_words(truth.scenes_in_words, result.summary.runs, len(truth.scenes))
 
 
 def parts_in_words(scenes: str, runs: int, number: int) -> str:
-    """Say what values are of, from the scenes in words, and how many runs and scenes there are."""
+    """Return runs and scenes in words, such as "10 scenes of 20 runs".
+
+    Args:
+        scenes: scenes in words, such as "10 scenes"; empty for a single scene.
+        runs: number of runs in all scenes.
+        number: number of scenes.
+    """
     if not scenes:
         return counted(runs, "run")
     return f"{scenes} of {counted(runs // number, 'run')}" if scenes.endswith("scenes") else scenes
 
 
 def basis_of_intervals(result: Result) -> str:
-    """What the intervals rest on, and so what they speak of."""
+    """Return the independent parts over which intervals are computed, such as "over 10 scenes"."""
     noise = (result.summary.truth.model_extra or {}).get("recorded_noise", {})
-    carried = "; those of errors include the recording's own noise" if any(noise.values()) else ""
-    return _independent_parts(result) + carried
+    recorded = ", with the recording's own noise in those of errors" if any(noise.values()) else ""
+    return _independent_parts(result) + recorded
 
 
 def _independent_parts(result: Result) -> str:
@@ -52,29 +58,28 @@ def _independent_parts(result: Result) -> str:
 
 
 def values_of_few_scenes(result: Result) -> list[str]:
-    """What stands in the place of intervals where there are too few scenes for one; empty where there are enough."""
-    every = result.summary.truth.scenes
-    if result.summary.identities == "hidden" and result.summary.runs == 1 and not every:
+    """Return lines with each tracker's error in each scene, if the scenes are too few for intervals; else nothing."""
+    scenes = result.summary.truth.scenes
+    if result.summary.identities == "hidden" and result.summary.runs == 1 and not scenes:
         return [ONE_RUN]
-    if not 0 < len(every) < FEWEST_SCENES or len(result.tables.if_there("stretches")):
+    if not 0 < len(scenes) < FEWEST_SCENES or len(result.tables.if_there("stretches")):
         return []
-    places = decimals([value for scene in every for value in scene.error.values()], 3)
+    places = decimals([value for scene in scenes for value in scene.error.values()], 3)
     kind = result.summary.truth.kind_of_scenes
     lines = [f"no ± with fewer than {FEWEST_SCENES} {kind}; {result.summary.headline_name} of each, m:"]
     for tracker in result.scored:
-        lines.append(
-            f"  {tracker.name}: {', '.join(rounded(scene.error.get(tracker.name), places) for scene in every)}"
-        )
+        errors = ", ".join(rounded(scene.error.get(tracker.name), places) for scene in scenes)
+        lines.append(f"  {tracker.name}: {errors}")
     return lines
 
 
 def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
-    """Say how frequent a kind of scene of which none was drawn may be, and from which difference there an order turns.
+    """Return a sentence on kinds of scenes that were not drawn: their largest share, and when they reverse an order.
 
-    Empty where there are too few scenes for a verdict.
+    The list is empty if the scenes are too few for a verdict.
 
     Args:
-        number: of scenes.
+        number: number of scenes.
         few_decide: whether one scene of a hundred may decide between two trackers.
     """
     if number < FEWEST_SCENES:
@@ -85,59 +90,59 @@ def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
     return [CERTAINTY["undrawn"].format(scenes=number, share=share, factor=factor)]
 
 
-def without_interval(result: Result) -> str:
-    """Say of which metrics no interval over runs holds, and why; empty where there are too few scenes for any."""
+def missing_intervals(result: Result) -> str:
+    """Return the metrics without a valid interval, with the reasons; too few scenes are not a reason here."""
     paths: dict[str, dict[str, None]] = {}
     for tracker in result.scored:
         for path, metric in tracker.metrics.items():
             reason = metric.reason or ""
             if metric.value is not None and reason.startswith(UNCALIBRATED) and reason != TOO_FEW_SCENES:
                 paths.setdefault(reason, {})[path] = None
-    return "; ".join(f"{reason}: {joined_names([*own])}" for reason, own in paths.items())
+    return "; ".join(f"{reason}: {joined_names([*metrics])}" for reason, metrics in paths.items())
 
 
-def scenes(result: Result) -> Iterator[Block]:
-    """Yield whether the best tracker leads in every scene, and the errors of the scenes in which it does not."""
-    every = result.summary.truth.scenes
-    if not every or not result.scored:
+def scene_blocks(result: Result) -> Iterator[Block]:
+    """Yield in how many scenes another tracker leads, and the errors of those scenes, or of all if they are few."""
+    scenes = result.summary.truth.scenes
+    if not scenes or not result.scored:
         return
     contenders = [tracker.name for tracker in result.contenders]
-    turned = [scene for scene in every if _other_ahead(result, scene, contenders)]
-    each = joined_names([f"{scene.name} ({_first(scene, contenders)})" for scene in turned])
-    total, which = f"{len(every)} {result.summary.truth.kind_of_scenes}", f": {each}" if turned else ""
-    yield Paragraph(CERTAINTY["ahead"].format(number=len(turned), total=total, best=contenders[0], which=which))
-    if shown := every if len(every) <= FEWEST_SCENES else turned:
+    reversed_scenes = [scene for scene in scenes if _another_leads(result, scene, contenders)]
+    named = joined_names([f"{scene.name} ({_best_in_scene(scene, contenders)})" for scene in reversed_scenes])
+    number, total = len(reversed_scenes), f"{len(scenes)} {result.summary.truth.kind_of_scenes}"
+    which = f": {named}" if reversed_scenes else ""
+    yield Paragraph(CERTAINTY["ahead"].format(number=number, total=total, best=contenders[0], which=which))
+    if shown := scenes if len(scenes) <= FEWEST_SCENES else reversed_scenes:
         yield _scene_table(result, shown, contenders)
 
 
-def _first(scene: SceneSummary, names: Sequence[str]) -> str:
-    """The best here of some trackers."""
+def _best_in_scene(scene: SceneSummary, names: Sequence[str]) -> str:
     return next((name for name in by_value(scene.error) if name in names), "")
 
 
-def _other_ahead(result: Result, scene: SceneSummary, names: Sequence[str]) -> bool:
-    """Whether another tracker is better here than the one that is the best of all, by more than the margin."""
+def _another_leads(result: Result, scene: SceneSummary, names: Sequence[str]) -> bool:
+    """Whether a tracker is better in a scene than the overall best, ``names[0]``, by more than the margin."""
     best = names[0]
     if best not in scene.error:
         return any(name in scene.error for name in names)
-    least = scene.error[_first(scene, names)]
+    least = scene.error[_best_in_scene(scene, names)]
     return scene.error[best] - least > result.summary.score.margin.at(least, "m")
 
 
-def _scene_table(result: Result, every: Sequence[SceneSummary], contenders: Sequence[str]) -> Table:
-    places = decimals([value for scene in every for value in scene.error.values()], 3)
+def _scene_table(result: Result, scenes: Sequence[SceneSummary], contenders: Sequence[str]) -> Table:
+    places = decimals([value for scene in scenes for value in scene.error.values()], 3)
     meaning = f"{result.summary.headline_name} in this scene; bold is the smallest"
 
     def cell(scene: SceneSummary, name: str) -> Cell:
         if name not in scene.error:
             return Cell(NOT_AVAILABLE, reason="no estimate in this scene")
-        return Cell(rounded(scene.error[name], places), strong=name == _first(scene, contenders))
+        return Cell(rounded(scene.error[name], places), strong=name == _best_in_scene(scene, contenders))
 
     columns = [
-        (Column("scene", left=True), [Cell(scene.name) for scene in every]),
-        (Column("vehicles"), [Cell(str(len(scene.objects))) for scene in every]),
+        (Column("scene", left=True), [Cell(scene.name) for scene in scenes]),
+        (Column("vehicles"), [Cell(str(len(scene.objects))) for scene in scenes]),
         *(
-            (Column(f"{tracker.name}, m", meaning), [cell(scene, tracker.name) for scene in every])
+            (Column(f"{tracker.name}, m", meaning), [cell(scene, tracker.name) for scene in scenes])
             for tracker in result.scored
         ),
     ]

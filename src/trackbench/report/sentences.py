@@ -1,4 +1,4 @@
-"""The sentences of a run: what went wrong, who is best and how surely, facts, expectations and remarks."""
+"""Sentences about a run: what went wrong, which tracker is best and how surely, facts, expectations and remarks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from datetime import UTC
 from trackbench.base.errors import counted
 from trackbench.base.subjects import collected
 from trackbench.metrics.differences import MOST_CHARGED
-from trackbench.report.numbers import decimals, joined_names, meaningful, percent, rounded
+from trackbench.report.numbers import decimals, joined_names, meaningful_decimals, percent, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import metric_of, value_text
@@ -24,7 +24,7 @@ from trackbench.results.tracker_result import BEATS_BOUND
 
 
 def facts(result: Result, trackers: int) -> tuple[str, ...]:
-    """The run of so many trackers in a few words."""
+    """Return facts about a run of so many trackers, a few words each."""
     summary, truth = result.summary, result.summary.truth
     options = truth.model_extra or {}
     source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
@@ -40,64 +40,64 @@ def facts(result: Result, trackers: int) -> tuple[str, ...]:
     )
 
 
-def listed_of(summary: Summary, trackers: int) -> str:
-    """That a page has not all of so many trackers."""
+def listing_note(summary: Summary, trackers: int) -> str:
+    """Return a note that a page lists only the first of so many trackers."""
     listed = f"The first {len(summary.trackers):,} of {trackers:,} trackers are listed here"
     return f"{listed}; result.json and the tables in Parquet have all of them."
 
 
 def provenance(result: Result) -> list[tuple[str, str]]:
-    """When and of which code it was made, each with what it is; nothing of a result that does not say."""
-    made = result.summary.provenance
-    if made is None:
+    """Return labels and texts on the time, the commit and the code of a run; nothing if the result does not say."""
+    origin = result.summary.provenance
+    if origin is None:
         return []
-    reason = f": {made.no_commit}" if made.no_commit else ""
+    reason = f": {origin.no_commit}" if origin.no_commit else ""
     return [
-        ("made", f"{made.made_at.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"),
-        ("commit of the scenario", f"{made.commit_in_words}{reason}"),
-        *((f"code of {name}", f"sha256 {code[:16]}" if code else "not found") for name, code in made.code.items()),
+        ("made", f"{origin.made_at.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"),
+        ("commit of the scenario", f"{origin.commit_in_words}{reason}"),
+        *((f"code of {name}", f"sha256 {code[:16]}" if code else "not found") for name, code in origin.code.items()),
     ]
 
 
 def duration(result: Result) -> str:
-    """How long the truth is, and which part of it is scored where the sensors do not look all the time."""
+    """Return the length of the truth, and the scored part if it is shorter by more than a scan period."""
     length, score = result.summary.truth.duration_s, result.summary.score
     period = max((1 / sensor.rate_hz for sensor in result.summary.sensors.values() if sensor.rate_hz), default=0.0)
-    whole = score.from_s <= period and length - score.to_s <= period
-    part = "" if whole else f" ({rounded(score.from_s, 1)} to {rounded(score.to_s, 1)} s scored)"
+    is_whole = score.from_s <= period and length - score.to_s <= period
+    part = "" if is_whole else f" ({rounded(score.from_s, 1)} to {rounded(score.to_s, 1)} s scored)"
     return f"{rounded(length, 1)} s{part}"
 
 
 def divergence(tracker: TrackerResult, runs: int) -> str:
-    """ "diverged in 1 of 10 runs"; empty where none did."""
+    """Return how often a tracker diverged, as "diverged in 1 of 10 runs"; empty without divergence."""
     number = tracker.health.diverged_runs
     return f"diverged in {number} of {counted(runs, 'run')}" if number else ""
 
 
 def others_ignored(result: Result) -> list[str]:
-    """Return what it means that tracks on no object are ignored; empty where they count."""
+    """Return a remark if tracks on no object are ignored."""
     return [REMARKS["others ignored"]] * ("others" in (result.summary.truth.model_extra or {}))
 
 
 def reused_identities(result: Result) -> list[str]:
-    """Return which trackers gave an identity to a second track, and how those are scored; empty where none did."""
-    times = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
-    trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in times if number)
+    """Return a remark on trackers that used an identity for a second track, if there are any."""
+    reuses = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
+    trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in reuses if number)
     return [REMARKS["used again"].format(trackers=trackers)] if trackers else []
 
 
-def made_elsewhere(result: Result) -> list[str]:
-    """Return which tracks were made elsewhere, what of them is left out, and the offset of their time stamps."""
+def external_tracks(result: Result) -> list[str]:
+    """Return remarks on tracks read from files: their origin, ignored rows, and the offset of their time stamps."""
     trackers = [tracker for tracker in result.scored if tracker.offline]
     sentences = [REMARKS["elsewhere"].format(names=joined_names([t.name for t in trackers]))] if trackers else []
     for tracker in trackers:
-        name, filed, offset = tracker.name, tracker.filed, tracker.time_offset
+        name, file, offset = tracker.name, tracker.filed, tracker.time_offset
         if not tracker.paired:
             sentences.append(REMARKS["not paired"].format(name=name))
-        if filed is not None and (filed.outside or filed.silent_runs):
-            rows, runs = f"{filed.outside} of {counted(filed.rows, 'row')}", counted(filed.silent_runs, "run")
+        if file is not None and (file.outside or file.silent_runs):
+            rows, runs = f"{file.outside} of {counted(file.rows, 'row')}", counted(file.silent_runs, "run")
             sentences.append(REMARKS["left out"].format(name=name, rows=rows, runs=runs))
-        sentences += [f"{name}: {remark}" for remark in (filed.remarks if filed else ())]
+        sentences += [f"{name}: {remark}" for remark in (file.remarks if file else ())]
         if tracker.offset_shown and offset and offset.value is not None and offset.ci95:
             low, high = (1e3 * end for end in offset.ci95)
             shift = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"
@@ -106,7 +106,7 @@ def made_elsewhere(result: Result) -> list[str]:
 
 
 def missing_estimates(result: Result) -> list[str]:
-    """Return what is charged for missing estimates where it makes much of an error, and who is not called better."""
+    """Return remarks on large charges for missing estimates, and on trackers not called better because of them."""
     sentences = []
     for tracker in result.scored:
         for path, error in (("position_rmse", "position error"), ("velocity_rmse", "velocity error")):
@@ -116,14 +116,14 @@ def missing_estimates(result: Result) -> list[str]:
                 share = percent(metric.charged_share)
                 text = REMARKS["charged"].format(name=tracker.name, share=share, error=error, without=without)
                 sentences.append(text)
-    turned = Pairs(result).turned([tracker.name for tracker in result.contenders])
+    smaller = Pairs(result).only_by_charges([tracker.name for tracker in result.contenders])
     return sentences + [
-        REMARKS["not called better"].format(name=name, others=joined_names(others)) for name, others in turned.items()
+        REMARKS["not called better"].format(name=name, others=joined_names(others)) for name, others in smaller.items()
     ]
 
 
 def below_the_bound(result: Result) -> list[str]:
-    """Return which contenders are shown to be below the reference."""
+    """Return a remark on each contender whose error is shown to be below the reference."""
     below = [tracker.name for tracker in result.contenders if tracker.below_reference]
     return [REMARKS["below"].format(name=name, label=result.summary.held_against.label) for name in below]
 
@@ -137,7 +137,7 @@ def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
 
 
 def remarks(result: Result) -> list[str]:
-    """Return what must be known of some trackers: what is charged, below a bound, made elsewhere, no competitor."""
+    """Return remarks on trackers: charges, errors below a bound, external tracks, and who is no competitor."""
     competing = {tracker.name for tracker in result.contenders}
     kinds = {tracker.reference_kind for tracker in result.scored if tracker.name not in competing}
     return [
@@ -145,24 +145,24 @@ def remarks(result: Result) -> list[str]:
         *below_the_bound(result),
         *others_ignored(result),
         *reused_identities(result),
-        *made_elsewhere(result),
+        *external_tracks(result),
         *(REMARKS[kind] for kind in ("reference", "offline") if kind in kinds),
     ]
 
 
 def value_and_limit(item: ExpectationResult) -> str:
-    """ "ekf position_rmse 0.273, wanted below 0.25"."""
+    """Return an expectation's value and limit: "ekf position_rmse 0.273, wanted below 0.25"."""
     subject = f"{item.tracker} {item.metric} "
     wanted = item.text.removeprefix(subject).removeprefix("is ")
     return f"{subject}{value_text(item.value)}, wanted {wanted}"
 
 
-#: More names than these are counted.
+#: Names that a sentence lists; more are counted.
 NAMED = 3
 
 
 def verdict_of_run(result: Result) -> str:
-    """Return what went wrong, then who is best, how surely, in one line for a terminal.
+    """Return the answer of a run in one line: what went wrong, and which tracker is best, how surely.
 
     For example "highway: imm_three has the smallest position error, 0.0708 m; equivalent to imm_cv_ca within 5 mm; all
     8 expectations met".
@@ -178,11 +178,11 @@ def verdict_of_run(result: Result) -> str:
 
 
 def answer_of_run(result: Result, not_met: str = "") -> str:
-    """Return what went wrong, then who is best, how surely.
+    """Return what went wrong, then which tracker is best, how surely.
 
     Args:
-        result: of the run.
-        not_met: which expectations failed, to be said among what went wrong.
+        result: the run.
+        not_met: clause on failed expectations, placed among what went wrong.
     """
     failed = some_names([tracker.name for tracker in result.unscored if tracker.failed])
     went_wrong = [beaten_bound(result), failed and f"{failed} failed", _diverged(result), not_met]
@@ -190,26 +190,26 @@ def answer_of_run(result: Result, not_met: str = "") -> str:
 
 
 def beaten_bound(result: Result) -> str:
-    """Which trackers beat a true Cramér-Rao bound; empty where none does."""
+    """Return which trackers beat a true Cramér-Rao bound; empty without any."""
     names = [tracker.name for tracker in result.summary.trackers if tracker.beats_bound(result.summary.reference)]
     return "; ".join(f"{name} {BEATS_BOUND}" for name in names)
 
 
 def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
-    """By tracker, the verdict on the first of some against it."""
+    """Return, by tracker, the verdict on ``names[0]`` against it."""
     return {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
 
 
 def _diverged(result: Result) -> str:
-    """Which of those that filter diverged, of many how many: "div diverged in 1 of 10 runs"; or ""."""
+    """Return which filters diverged, or how many: "div diverged in 1 of 10 runs"; or ""."""
     divergences = [(t.name, words) for t in result.filtering if (words := divergence(t, result.summary.runs))]
     if len(divergences) > NAMED:
         return f"{counted(len(divergences), 'tracker')} diverged in some runs"
-    return joined_names([" ".join(each) for each in divergences])
+    return joined_names([" ".join(words) for words in divergences])
 
 
 def _marked(result: Result, names: Sequence[str]) -> list[str]:
-    """The names, those that diverged with a word for it."""
+    """Return the names, with "(diverged)" after trackers that diverged."""
     return [f"{name} (diverged)" if result[name].health.diverged_runs else name for name in names]
 
 
@@ -218,7 +218,7 @@ def some_names(names: Sequence[str]) -> str:
 
 
 def _best(result: Result) -> str:
-    """Return who has the smallest error, and than whom it is not shown to be smaller."""
+    """Return which tracker has the smallest error, and from which trackers it is not shown to differ."""
     summary, contenders = result.summary, result.contenders
     if not contenders:
         reasons = {result.why_unscored(tracker) for tracker in result.unscored if tracker.failed is None}
@@ -226,10 +226,10 @@ def _best(result: Result) -> str:
     if not summary.truth.known:
         return ANSWERS["no truth"].format(trackers=counted(len(contenders), "tracker"))
     pairs = Pairs(result)
-    best, *others = names = [tracker.name for tracker in contenders]
-    verdicts = _verdicts(names, pairs)
+    names = [tracker.name for tracker in contenders]
+    best, verdicts = names[0], _verdicts(names, pairs)
     not_better = [name for name, word in verdicts.items() if word != "better"]
-    # What diverged is said before, and hides no verdict on the others.
+    # Divergence has its own clause, and must not hide a verdict on the other trackers.
     not_better = [name for name in not_better if not result[name].health.diverged_runs] or not_better
     all_equivalent = all(verdicts[name] == "equivalent" for name in not_better)
     kind = "shown better" if not not_better else "equivalent" if all_equivalent else "not shown better"
@@ -237,7 +237,7 @@ def _best(result: Result) -> str:
     if kind == "equivalent" and len(alike) <= NAMED:
         kind = "best alike"
     if pairs.unjudged or not verdicts:
-        kind = "not judged" if others else "alone"
+        kind = "not judged" if len(names) > 1 else "alone"
     scenes = summary.truth.scenes_in_words
     # Where each run has a motion of its own, the differences are not of one scene.
     in_one_scene = not scenes and not (summary.truth.model_extra or {}).get("random")
@@ -250,19 +250,20 @@ def _best(result: Result) -> str:
         error=_error(metric_of(contenders[0], summary.headline)),
         why=pairs.unjudged or "not compared with the others",
         within=pairs.within(best, not_better) if not_better else "",
-        whom=_whom(_marked(result, not_better or [*verdicts]), len(verdicts), every=all_equivalent),
+        whom=_whom(_marked(result, not_better or [*verdicts]), len(verdicts), are_equivalent=all_equivalent),
         here=" in this scene" if in_one_scene else "",
     )
 
 
-def _whom(names: Sequence[str], number: int, *, every: bool) -> str:
-    """Return the names of some of the ``number`` other trackers, of many how many they are."""
+def _whom(names: Sequence[str], number: int, *, are_equivalent: bool) -> str:
+    """Return the names, or if they are many how many of the ``number`` other trackers they are."""
     if len(names) <= NAMED:
         return joined_names(names)
-    which = f"{len(names)} of the" if len(names) < number else "all" if every else "any of the"
+    which = f"{len(names)} of the" if len(names) < number else "all" if are_equivalent else "any of the"
     return f"{which} {number} others"
 
 
 def _error(metric: MetricValue) -> str:
-    """Return a value with three digits or more, so that other runs have another text: "0.0708 m"."""
-    return f"{rounded(metric.value, max(meaningful(metric.value, metric.ci95), decimals([metric.value])))} m"
+    """Return a value with at least three digits, so that different runs have different texts: "0.0708 m"."""
+    places = max(meaningful_decimals(metric.value, metric.ci95), decimals([metric.value]))
+    return f"{rounded(metric.value, places)} m"

@@ -1,4 +1,4 @@
-"""The tables of a run's report, and the cells of the values that a result holds."""
+"""Tables of a run's report, and cells of metrics."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ INTERVAL = "95 % interval"
 VERDICT = "verdict, 95 % interval"
 NO_METRIC = MetricValue(unit="1", reason="the tracker does not give what this needs")
 
-#: A verdict's colour.
+#: Tone of each verdict.
 TONE: dict[str, Tone] = {
     "consistent": "good",
     "white": "good",
@@ -48,43 +48,43 @@ TableColumn = tuple[Column, list[Cell]]
 _Row = TypeVar("_Row")
 
 
-#: Of an expectation.
+#: Tone of each outcome of an expectation.
 OUTCOME_TONE: dict[str, Tone] = {"passed": "good", "undecided": "warn", "failed": "bad"}
 
 
 def name_cells(trackers: Sequence[TrackerResult]) -> list[Cell]:
-    """Each tracker's name, whether it is no competitor, and whether it draws random numbers."""
+    """Return each tracker's name with marks, such as for a reference or for random numbers."""
     return [Cell(t.name, t.marks, tracker=t.name) for t in trackers]
 
 
 def metric_of(tracker: TrackerResult, path: str) -> MetricValue:
-    """A metric, which the tracker may lack."""
+    """Return a metric of a tracker, or a value with a reason if the tracker lacks it."""
     return tracker.metrics.get(path, NO_METRIC)
 
 
-def tone_of(metric: MetricValue, word: str | None = None) -> Tone:
-    """Of a verdict, its own unless given: where the mean is shown above what is right, that of an optimistic one."""
-    above = metric.dof is not None and mean_verdict(metric.ci95, metric.dof) == "optimistic"
-    return "bad" if above else TONE[word or metric.verdict or ""]
+def tone_of(metric: MetricValue) -> Tone:
+    """Return the tone of a metric's verdict; a mean shown to be too large is bad, whatever the verdict."""
+    is_optimistic = metric.dof is not None and mean_verdict(metric.ci95, metric.dof) == "optimistic"
+    return "bad" if is_optimistic else TONE[metric.verdict or ""]
 
 
 def metric_cells(trackers: Sequence[TrackerResult], path: str, significant: int = 3, scale: float = 1.0) -> list[Cell]:
-    """One metric down a column, with the same decimals for all; its verdict and interval are the small print."""
+    """Return a metric of each tracker, all with the same decimals, with verdict and interval in small print."""
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals([None if m.value is None else scale * m.value for m in metrics], significant)
-    return [_value(metric, places, scale) for metric in metrics]
+    return [_metric_cell(metric, places, scale) for metric in metrics]
 
 
-def _value(metric: MetricValue, places: int, scale: float) -> Cell:
+def _metric_cell(metric: MetricValue, places: int, scale: float) -> Cell:
     if metric.value is None:
         return missing_cell(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
     reach = reach_text(scale * metric.value, ci95, places)
     words = verdict_in_words(metric, whole=False)
     cell = Cell(short(scale * metric.value, places), tuple(filter(None, (words, reach))))
-    charged = metric.without_charged
-    more = () if charged is None else (f"given {short(scale * charged, places)}",)
-    return replace(cell, details=(*cell.details, *more), tone=tone_of(metric))
+    value = metric.without_charged
+    given = () if value is None else (f"given {short(scale * value, places)}",)
+    return replace(cell, details=(*cell.details, *given), tone=tone_of(metric))
 
 
 def missing_cell(metric: MetricValue) -> Cell:
@@ -94,14 +94,21 @@ def missing_cell(metric: MetricValue) -> Cell:
 def tracker_table(
     name: str, trackers: Sequence[TrackerResult], columns: Sequence[TableColumn], caption: str = ""
 ) -> Table:
-    """A table with the trackers' names before its columns."""
+    """Return a table whose first column has the trackers' names."""
     return Table.of_columns(name, [(TRACKER, name_cells(trackers)), *columns], caption)
 
 
 def text_table(
     name: str, rows: Sequence[_Row], columns: Mapping[Column, Callable[[_Row], str]], caption: str = ""
 ) -> Table:
-    """A table of texts, each column by a function of the row; the column of trackers names them."""
+    """Return a table of texts.
+
+    Args:
+        name: name of the table's file.
+        rows: one object for each row.
+        columns: function from the object of a row to its text, by column; ``TRACKER`` is the column of trackers.
+        caption: caption of the table.
+    """
 
     def cell(column: Column, text: str) -> Cell:
         return Cell(text, tracker=text if column is TRACKER else "")
@@ -110,7 +117,7 @@ def text_table(
     return Table(name, tuple(columns), tuple(cells), caption)
 
 
-#: Of runs with hidden identities: title, and the metrics that are the columns.
+#: Metrics in the tables of runs with hidden identities.
 RANKING_OF_TRACKS = (
     "tgospa", "gospa", "gospa_missed", "gospa_false", "gospa_switch", "hota",
 )  # fmt: skip
@@ -123,7 +130,7 @@ TRACK_GROUPS: dict[str, tuple[str, ...]] = {
         "association_right", "association_wrong_object", "association_clutter", "association_missed",
     ),
 }  # fmt: skip
-#: Words of the metrics' names that are written otherwise.
+#: Acronyms in the metrics' names.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
     "mota": "MOTA", "rmse": "RMSE", "nees": "NEES", "nis": "NIS",
@@ -131,14 +138,14 @@ ACRONYMS = {
 
 
 def metric_in_words(path: str) -> str:
-    """A metric of tracks: "GOSPA missed"."""
+    """Return the name of a metric in words: "GOSPA missed"."""
     return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
 
 
 def track_table(
     title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *second: TableColumn, caption: str = ""
 ) -> Table:
-    """Return metrics of tracks, with or without a truth, a column each, with some after the first."""
+    """Return a table with a column for each metric of tracks, and the columns ``second`` after the first metric."""
     columns: list[TableColumn] = []
     for path in paths:
         metric = (TRACK_METRICS | DETECTION_METRICS)[path]
@@ -149,38 +156,37 @@ def track_table(
 
 
 def unit_after_heading(unit: str) -> str:
-    """A unit as it stands after a heading."""
+    """Return a unit in the form that follows a heading: ", m"."""
     return f", {unit}" if unit != "1" else ""
 
 
 def ranking_table(result: Result) -> Table:
-    """Every scored tracker, best first, with intervals and which differences were shown."""
+    """Return the metrics of the scored trackers, best first, with intervals and the differences between trackers."""
     trackers, shown = result.scored, standing(result)
     differing = [(Column(shown.heading, shown.meaning, left=True), list(map(Cell, shown.cells)))]
     if len(trackers) > 1:
         differing.append(_key_differences(result))
     if result.summary.identities == "hidden":
         return track_table("Ranking", trackers, RANKING_OF_TRACKS, *differing)
-    position, *others = _errors(result, trackers)
-    return tracker_table("ranking", trackers, [position, *differing, *others])
+    position, *further = _errors(result, trackers)
+    return tracker_table("ranking", trackers, [position, *differing, *further])
 
 
 def unranked_table(result: Result) -> Table | None:
-    """What the trackers that are not ranked have reached all the same; None if none has a value."""
+    """Return the metrics of the trackers that are not ranked; None if none of them has a value."""
     trackers = [tracker for tracker in result.unscored if metric_of(tracker, result.summary.headline).value is not None]
     known = result.summary.identities == "known"
     return tracker_table("unranked", trackers, _errors(result, trackers)) if trackers and known else None
 
 
 def _errors(result: Result, trackers: Sequence[TrackerResult]) -> list[TableColumn]:
-    """Errors, consistency and health of trackers, a column each."""
     label = result.summary.held_against.label
-    counted = "a missing estimate counts as the last measurement or estimate, held; given: without missing ones"
+    missing = "a missing estimate counts as the last measurement or estimate, held; given: without missing estimates"
     judged = "mean, verdict under all conditions, 95 % interval"
     present = "share of the due estimates that were given"
     columns = [
-        (Column("position RMSE, m", counted, details=INTERVAL), metric_cells(trackers, "position_rmse")),
-        (Column("velocity RMSE, m/s", counted, details=INTERVAL), metric_cells(trackers, "velocity_rmse")),
+        (Column("position RMSE, m", missing, details=INTERVAL), metric_cells(trackers, "position_rmse")),
+        (Column("velocity RMSE, m/s", missing, details=INTERVAL), metric_cells(trackers, "velocity_rmse")),
         (
             Column(f"over {label}", f"position RMSE divided by that of the {label}", details=INTERVAL),
             metric_cells(trackers, "position_over_reference"),
@@ -206,12 +212,12 @@ def _fault_count(number: int | None) -> Cell:
     return Cell(str(number or 0), tone="bad" if number else "")
 
 
-#: Metrics with a column of their own in some table.
+#: Metrics that other tables show.
 _SHOWN = ("position_rmse", "velocity_rmse", "nees", "position_over_reference", "coverage", "step_time")
 
 
 def other_metrics(result: Result) -> Table | None:
-    """Return the metrics that a plug-in adds or an expectation names and no other table has; None if there are none."""
+    """Return the metrics of plug-ins and expectations that no other table shows; None without any."""
     shown = {
         *(_SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")),
         *collected("shown_metrics", result),
@@ -232,7 +238,7 @@ def other_metrics(result: Result) -> Table | None:
 
 
 def innovation_columns(result: Result) -> Iterator[TableColumn]:
-    """Yield NIS and whiteness of the innovations of each sensor, of those that some tracker gives."""
+    """Yield the columns on NIS and whiteness of each sensor's innovations, where a tracker gives them."""
     taken_in = "share of the measurements of a known object with an innovation; a late scan that is dropped has none"
     white = f"of the normalised innovations, lag 1; white within {WHITENESS_TOLERANCE} of 0"
     for sensor in result.summary.sensors:
@@ -251,7 +257,7 @@ def innovation_columns(result: Result) -> Iterator[TableColumn]:
 
 
 def _judged(result: Result, metric: str, sensor: str) -> list[Cell]:
-    """Return one metric of a sensor down a column with its verdicts alone."""
+    """Return the cells of one metric of a sensor, with the verdicts but without intervals."""
     path = f"{metric}.{sensor}"
     words = [verdict_in_words(metric_of(tracker, path)) for tracker in result.scored]
     cells = metric_cells(result.scored, path)
@@ -259,12 +265,12 @@ def _judged(result: Result, metric: str, sensor: str) -> list[Cell]:
 
 
 def _key_differences(result: Result) -> TableColumn:
-    """Each tracker minus the best or the baseline, to the decimals that the uncertainty of the differences leaves."""
+    """Return each tracker's difference from the best or the baseline, with the decimals that its uncertainty allows."""
     against, pairs = result.summary.score.against or result.contenders[0].name, Pairs(result)
     compared = [pairs.get(tracker.name, against) for tracker in result.scored]
-    there = [pair for pair in compared if pair]
-    widths = [width for pair in there if (width := half_width(pair.ci95))]
-    places = decimals(widths, 1) if widths else decimals([pair.value for pair in there], 2)
+    differences = [pair for pair in compared if pair]
+    widths = [width for pair in differences if (width := half_width(pair.ci95))]
+    places = decimals(widths, 1) if widths else decimals([pair.value for pair in differences], 2)
     cells = [
         Cell("") if tracker.name == against else _difference(pair, places)
         for tracker, pair in zip(result.scored, compared, strict=True)
@@ -280,7 +286,7 @@ def _difference(pair: Pair | None, places: int) -> Cell:
 
 
 def expectation_table(result: Result) -> Table:
-    """What the scenario states should hold, and the values."""
+    """Return the outcome, text and value of each expectation of the scenario."""
     rows = [
         (Cell(item.outcome, tone=OUTCOME_TONE[item.outcome]), Cell(item.text), Cell(value_text(item.value)))
         for item in result.summary.expectations
@@ -290,7 +296,7 @@ def expectation_table(result: Result) -> Table:
 
 
 def value_text(value: float | str | None) -> str:
-    """A value beside what was expected of it."""
+    """Return the value of an expectation as text."""
     if value is None:
         return NOT_AVAILABLE
     return rounded(value, decimals([value])) if isinstance(value, float) else str(value)

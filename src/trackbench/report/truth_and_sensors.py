@@ -1,4 +1,4 @@
-"""The truth and the sensors of a run: whether the truth can be believed, what its audit found, and the sensors."""
+"""The truth and the sensors of a run: whether the truth is consistent, the findings of its audit, and the sensors."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from trackbench.report.tables import text_table
 from trackbench.report.verdicts import TRUTH
 from trackbench.results import Result, TruthAudit, TruthSummary
 
-#: m/s or m; what is smaller is not worth its digits.
+#: Velocity errors below this limit are not reported, m/s.
 _NEGLIGIBLE = 0.001
-#: By scene; a single one has no name.
+#: Audits by scene; a single scene has an empty name.
 Audits = Mapping[str, TruthAudit]
 
 
-def conclusion(truth: TruthSummary) -> str:
-    """Return whether the truth can be believed."""
+def truth_verdict(truth: TruthSummary) -> str:
+    """Return whether the truth is consistent, was repaired, or was not audited."""
     audits = _audits(truth)
     repaired = sum(audit.verdict == "repaired" for audit in audits.values())
     if not audits:
@@ -30,7 +30,7 @@ def conclusion(truth: TruthSummary) -> str:
 
 
 def audit_table(truth: TruthSummary) -> Table | None:
-    """Return what the audit of all scenes found: how much, where, and what was done; None where it found nothing."""
+    """Return the findings of the audit of all scenes: size, place and remedy; None without findings."""
     audits = _audits(truth)
     rows = [*_recording(truth), *_velocity(audits), *_jumps(audits)]
     columns: dict[Column, Callable[[_Finding], str]] = {
@@ -51,7 +51,7 @@ def _audits(truth: TruthSummary) -> Audits:
 
 
 def _recording(truth: TruthSummary) -> Iterator[_Finding]:
-    """What recorded traffic implies, before and after it is smoothed."""
+    """Yield the faults of recorded traffic, before and after smoothing."""
     options = truth.model_extra or {}
     if truth.source != "recorded-traffic":
         return
@@ -64,8 +64,8 @@ def _recording(truth: TruthSummary) -> Iterator[_Finding]:
     yield "stated speed", f"off by {apart}", "as recorded", ""
     yield "position jumps", str(motion["recorded_jumps"]), "as recorded", ""
     if smoothed:
-        own = f"{_two_digits(noise['position_m'])} m per axis, {_two_digits(noise['velocity_mps'])} m/s (RMS)"
-        yield "noise of the recording", own, "", f"{smoothed}; intervals carry it"
+        rms = f"{_two_digits(noise['position_m'])} m per axis, {_two_digits(noise['velocity_mps'])} m/s (RMS)"
+        yield "noise of the recording", rms, "", f"{smoothed}; intervals carry it"
 
 
 def _velocity(audits: Audits) -> Iterator[_Finding]:
@@ -73,21 +73,22 @@ def _velocity(audits: Audits) -> Iterator[_Finding]:
         return
     scene, audit = max(audits.items(), key=lambda item: item[1].velocity_error_before.max_mps or 0.0)
     before, repaired = audit.velocity_error_before, audit.repaired
-    left = [item.velocity_error_after.max_mps for item in audits.values()]
-    most = max((error for error in left if error is not None), default=None)
-    off = before.max_mps or 0.0
-    if off < _NEGLIGIBLE or audit.velocity_error_after.max_mps is None or most is None:
+    after = [item.velocity_error_after.max_mps for item in audits.values()]
+    largest_after = max((error for error in after if error is not None), default=None)
+    largest = before.max_mps or 0.0
+    if largest < _NEGLIGIBLE or audit.velocity_error_after.max_mps is None or largest_after is None:
         return
     names = repaired.velocity_from_displacement
     how = f"from displacement for {joined_names(names)}" if names else ""
-    remaining = f"less than {_NEGLIGIBLE:g}" if most < _NEGLIGIBLE else f"at most {_two_digits(most)}"
-    done = f"computed {how}: {remaining} m/s left" if how else ""
+    is_small = largest_after < _NEGLIGIBLE
+    remaining = f"less than {_NEGLIGIBLE:g}" if is_small else f"at most {_two_digits(largest_after)}"
+    remedy = f"computed {how}: {remaining} m/s left" if how else ""
     place = _place(before.object, before.time_s, scene)
-    yield "stated velocity", f"off by {_two_digits(off)} m/s", place, done
+    yield "stated velocity", f"off by {_two_digits(largest)} m/s", place, remedy
 
 
 def _jumps(audits: Audits) -> Iterator[_Finding]:
-    """Jumps of velocity and position, and truths that end early."""
+    """Yield jumps of velocity and position, the largest acceleration, and truths that end early."""
     jumps = {name: audit.velocity_jumps for name, audit in audits.items()}
     peak = max((item.peak_acceleration_mps2 or 0.0 for item in jumps.values()), default=0.0)
     largest = [(worst.largest_mps, scene, worst) for scene, worst in jumps.items() if worst.largest_mps is not None]
@@ -116,7 +117,7 @@ def _two_digits(value: float) -> str:
 
 
 def sensor_table(result: Result) -> Table:
-    """The sensors, and how often each detected."""
+    """Return the properties of each sensor, and how often it detected a vehicle in its field of view."""
     table = result.summary.sensors
     sensors = list(table.values())
     single = Cell(NOT_AVAILABLE, reason="a single scan")

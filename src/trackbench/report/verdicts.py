@@ -1,6 +1,6 @@
-"""Every sentence of a verdict, each whole: who is best, how surely, what went wrong, what is left out, what is next."""
+"""Templates of all sentences of verdicts: which tracker is best, how surely, what went wrong, and what is next."""
 
-#: Who is best in a run, by what was shown.
+#: Which tracker is best in a run, by the kind of evidence.
 ANSWERS = {
     "none is ranked": "no tracker is ranked",
     "no truth": "no truth, so {trackers} without a ranking",
@@ -19,19 +19,19 @@ EXPECTATIONS = {
     "met": "All {stated} of the scenario are met",
     "not met": "{failed} of {stated} of the scenario failed, {undecided} undecided",
 }
-#: How sure the words of a run are.
+#: How sure the verdicts of a run are.
 CERTAINTY = {
     "all pairs": "Better and worse: a difference beyond the margin, {margin}, is shown; equivalent: shown to be "
     "within it. The risk that any pair is called so wrongly is 5 % (Holm, {pairs}).",
     "best of many": "The risk is 5 % that any tracker as good as the best is called worse than {best}, which was "
     "chosen from the same data; the margin is {margin}.",
-    "undrawn": "{scenes} scenes may all miss a kind of scene that makes up {share} of the traffic: an order would be "
+    "undrawn": "{scenes} scenes may all miss a kind of scene that makes up {share} of all scenes: an order would be "
     "reversed if two trackers differed there {factor} times as much as here, the other way round",
     "few decide": "With fewer than {until} scenes an error is called larger only where it is more than 1.5 times the "
     "other: vehicles hide others, and one scene of a hundred in which one is lost may decide",
     "ahead": "In {number} of {total} another tracker is ahead of {best} by more than the margin{which}.",
 }
-#: What the errors of a run leave out or take in.
+#: Remarks on trackers and on the meaning of their errors.
 REMARKS = {
     "charged": "{name}: {share} of its squared {error} is the charge for missing estimates ({without} without it)",
     "not called better": "{name} is not called better than {others}: its errors are smaller only with that charge",
@@ -49,19 +49,19 @@ REMARKS = {
     "clock": "{name}: time stamps fit best with {shift} added, if there is also a shift along the path; to add it, "
     "give --time-offset {seconds} (time_offset_s)",
 }
-#: Whether the truth can be believed.
+#: Whether the truth is consistent.
 TRUTH = {
     "not audited": "The truth was not audited.",
     "repaired": "The truth{where} had faults, which were repaired before anything was scored.",
     "consistent": "The truth is consistent: velocity agrees with displacement, no position jumps.",
 }
-#: What to ask next, beside the command for it.
+#: Next questions, shown beside the command that answers each.
 NEXT = {
     "doctor": "Has {name} a fault?",
     "inspect": "Where are the errors largest?",
     "scenes": "Does it hold in other traffic?",
 }
-#: Who is ahead in a comparison, and how surely.
+#: Which tracker is ahead in a comparison, and how surely.
 COMPARED = {
     "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
     "worse": "Shown to be worse: {listed}.",

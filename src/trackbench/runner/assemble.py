@@ -1,4 +1,4 @@
-"""The blocks of a run to its result."""
+"""The result of a run, assembled from its blocks."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from trackbench.results.scenario_summary import (
     sentence_on_point,
 )
 from trackbench.runner.block import Block
-from trackbench.runner.evaluated import Evaluated, evaluated, judge
+from trackbench.runner.evaluated import Evaluated, evaluate_trackers, judge
 from trackbench.runner.tables import result_tables
 from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import slowed_notes
 from trackbench.scenario.worlds import MEANING
-from trackbench.sensing.scans import scan_rate
+from trackbench.sensing.scans import fingerprint_of, scan_rate
 from trackbench.truth import LoadedTruth
 from trackbench.truth.base import Recorded
 
@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 
 
 def log_left_to_numpy(where: str, name: str, used: EngineUsed) -> None:
-    """Say of a tracker that the fused engine left it to NumPy, and why."""
+    """Log that the fused engine left a tracker, or a part of it, to NumPy, and why."""
     if used.why_numpy:
         how = "computed by NumPy" if used.engine == "numpy" else "computed by NumPy in part"
         # The author of a pure model expects machine code.
@@ -69,9 +69,9 @@ def versions() -> dict[str, str]:
 def assemble(
     loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[Block], command: str
 ) -> Result:
-    """The result of all blocks of a run."""
+    """Return the result of a run from its blocks; ``command`` is the command line that reproduces it."""
     scenario = loaded.config
-    scores = evaluated(work, blocks)
+    scores = evaluate_trackers(work, blocks)
     margin = MarginSummary(**scenario.score.margin.model_dump())
     engines: dict[str, EngineUsed] = {}
     for name in work.trackers:
@@ -121,7 +121,7 @@ def assemble(
         seed=work.seed,
         runs=len(work.scene_of_run),
         versions=versions(),
-        # Without built-in trackers, what computed the scores.
+        # Without built-in trackers: the engine that computed the scores.
         engine=work.engine if every_engine is None else every_engine.engine,
         command=command,
         fingerprints=[text for block in blocks for digest in block.digests for text in _fingerprints(work, digest)],
@@ -175,10 +175,11 @@ def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummar
 
 
 def _fingerprints(work: Work, digest: bytes) -> list[str]:
-    """Of the measurements of a run, or of each stretch of it, in which a tracker knows those before."""
+    """Return the run's fingerprint, or one per stretch of a cut log; a tracker enters a stretch with earlier tracks."""
     if not work.stretches:
-        return [digest.hex()[:16]]
-    return [hashlib.sha256(digest + b"%d of %d" % (n, work.stretches)).hexdigest()[:16] for n in range(work.stretches)]
+        return [fingerprint_of(digest)]
+    parts = (hashlib.sha256(digest + b"%d of %d" % (n, work.stretches)) for n in range(work.stretches))
+    return [fingerprint_of(part.digest()) for part in parts]
 
 
 def _summary_of_metric(metric: Metric) -> MetricSummary:
@@ -194,11 +195,11 @@ def _summary_of_metric(metric: Metric) -> MetricSummary:
 
 
 def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
-    """The sensors by name, with their share of detections of the objects in view, over instants, objects and runs."""
+    """Summarise each sensor, with its rate of detections per object in view, over instants, objects and runs."""
     summaries = {}
     for number, sensor in enumerate(work.scenes[0].sensors):
         detected = sum(block.detections.get(sensor.name, 0) for block in blocks)
-        seen = sum(float(scene.sensors[number].visible.mean(axis=-1).sum() * work.runs) for scene in work.scenes)
+        in_view = sum(float(scene.sensors[number].visible.mean(axis=-1).sum() * work.runs) for scene in work.scenes)
         config = sensor.config
         summaries[sensor.name] = SensorSummary(
             kind=config.type,
@@ -207,7 +208,7 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
             max_range_m=config.max_range_m,
             rate_hz=scan_rate(sensor),
             preset=config.preset,
-            detection_rate=float(detected / seen) if seen > 0 and sensor.detections is None else None,
+            detection_rate=float(detected / in_view) if in_view > 0 and sensor.detections is None else None,
             latency_s=config.latency,
             effects=tuple(effect.model_dump(mode="json", fallback=str) for effect in config.effects),
         )
@@ -215,36 +216,38 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
 
 
 def _noise(sensor: Sensor) -> str:
-    """Return the standard deviation of each component, angles in degrees."""
+    """Return the standard deviation of each component in words, angles in degrees."""
     noise = []
     for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
-        shown, stated = (math.degrees(sigma), "deg") if unit == "rad" else (sigma, unit)
-        noise.append(f"{name.replace('_', ' ')} {shown:.4g} {stated}")
+        value, unit = (math.degrees(sigma), "deg") if unit == "rad" else (sigma, unit)
+        noise.append(f"{name.replace('_', ' ')} {value:.4g} {unit}")
     return ", ".join(noise)
 
 
 def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None = None) -> str:
-    """What a scene is recognised by: six letters of a hash for each whole second, of where all objects are then, to a
-    millimetre and in any order. That of a shorter record of the same traffic, at whatever rate, begins that of a longer
-    one. Without a truth a hash of all measurements."""
+    """Return a text by which the same traffic is recognised, also in a shorter record or one at another rate.
+
+    Each whole second adds six digits: a hash of all objects' positions, to a millimetre and in any order. The text of
+    a shorter record is therefore the start of the text of a longer one. Without a truth, hash all measurements.
+    """
     if not truth.known:
         digest = hashlib.sha256()
-        for name, own in sorted((measurements or {}).items()):
-            digest.update(name.encode() + truth.time[own.steps].tobytes() + own.measurement.tobytes())
+        for name, record in sorted((measurements or {}).items()):
+            digest.update(name.encode() + truth.time[record.steps].tobytes() + record.measurement.tobytes())
         return digest.hexdigest()[:16]
-    since = truth.time - truth.time[0]
-    whole = np.round(since)
-    since = np.where(np.abs(since - whole) < 1e-6, whole, since)
-    # Of a motion that is drawn anew in each run, the first.
+    elapsed = truth.time - truth.time[0]
+    whole = np.round(elapsed)
+    elapsed = np.where(np.abs(elapsed - whole) < 1e-6, whole, elapsed)
+    # Where the motion is drawn anew in each run, the first run stands for all.
     x, y = (path if path.ndim == 2 else path[..., 0] for path in (truth.px, truth.py))
-    seconds = np.arange(math.floor(since[-1]) + 1)
-    at = [[np.interp(seconds, since, path) for path in paths.T] for paths in (x, y)]
-    # 0.0 makes -0.0 into 0.0.
+    seconds = np.arange(math.floor(elapsed[-1]) + 1)
+    at = [[np.interp(seconds, elapsed, path) for path in paths.T] for paths in (x, y)]
+    # Adding 0.0 turns -0.0 into 0.0.
     places = np.round(np.array(at).reshape(2, x.shape[1], len(seconds)), 3) + 0.0
     texts = []
     for place in places.transpose(2, 1, 0):
-        there = sorted(each.tobytes() for each in place[np.isfinite(place).all(axis=1)])
-        texts.append(hashlib.sha256(b"".join(there)).hexdigest()[:6])
+        positions = sorted(each.tobytes() for each in place[np.isfinite(place).all(axis=1)])
+        texts.append(hashlib.sha256(b"".join(positions)).hexdigest()[:6])
     return "".join(texts)
 
 

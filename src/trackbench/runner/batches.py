@@ -1,4 +1,4 @@
-"""The runs that a tracker takes at once: all that differs by known or hidden identities."""
+"""Batches: the runs that a tracker processes together, with known or with hidden identities."""
 
 from __future__ import annotations
 
@@ -25,37 +25,32 @@ from trackbench.trackers.filtered import SmoothedTracker
 
 
 class Batch(Protocol):
-    """The runs that a tracker takes at once: of one scene, or of several whose sensors measure at the same times."""
+    """Runs that a tracker processes together: of one scene, or of several whose sensors measure at the same times."""
 
     pieces: Sequence[BlockRuns]
     measurements: Measurements
-    """Measurements of the runs of all pieces, one after the other."""
-    several: bool
-    """Whether a tracker follows several objects: a member is then one run, else one object in one run."""
+    """Measurements of all runs, piece after piece."""
+    multi_object: bool
+    """Whether a tracker follows several objects: a member is then one run, otherwise one object in one run."""
 
     @property
     def members(self) -> int:
-        """Number of members."""
+        """Number of members of the batch."""
 
     def start(self, name: str) -> Any:
         """Return a fresh tracker for all members of the batch."""
 
     def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring | TrackScoring:
-        """Return what scores the answers of a tracker."""
+        """Return the object that scores the answers of a tracker."""
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run, if it is in the batch."""
+        """Return the scans of the recorded run; None if it is in another batch."""
 
 
 class KnownIdentities:
-    """Runs of a scene with known identities: each detection names its object. A member is one object in one run.
+    """Batch of one scene in which each measurement names its object; a member is one object in one run."""
 
-    Args:
-        work: what all blocks share.
-        piece: the runs.
-    """
-
-    several = False
+    multi_object = False
 
     def __init__(self, work: Work, piece: BlockRuns) -> None:
         self._work, self._piece, self._scene = work, piece, work.scenes[piece.scene]
@@ -69,21 +64,21 @@ class KnownIdentities:
         return len(self._scene.truth.ids) * len(self._piece.runs)
 
     def start(self, name: str) -> Any:
-        """Return a fresh tracker; a smoother is given all its scans at once."""
+        """Return a fresh tracker; a smoother gets all its scans at once."""
         work, entry = self._work, self._work.driven(name)
         with_states = partial(with_initial_states, work, self._piece)
         if isinstance(entry, FilterConfig) and entry.smoother is not None:
             tracker = SmoothedTracker(with_states(replace(build(entry).tracker, engine=work.engine_here)))
             return Offline(tracker, list(scans_read(self.measurements.scans, entry.sensors_used)))
-        prepare = partial(work.prepared, change=with_states)
+        prepare = partial(work.prepare_tracker, change=with_states)
         return start_stepper(entry, work.folder, self.members, prepare, work.isolation, sensors=work.sensors)
 
     def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring:
-        """Return what scores the estimates of a tracker, and reports the recorded run to the observer."""
+        """Return the object that scores a tracker's estimates and passes the recorded run to ``observe``."""
         return EstimateScoring(self._work, self._piece, name, self._targets, observe)
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run, and tell of them; their batch axis is the objects."""
+        """Return the scans of the recorded run, with objects as batch axis, and pass them to ``observe``."""
         run = self._work.recorded_in(self._piece)
         if run is None:
             return None
@@ -94,22 +89,16 @@ class KnownIdentities:
 
 
 class HiddenIdentities:
-    """Runs with hidden identities: no detection names its object. A member is one run.
+    """Batch of one or more scenes in which no detection names its object; a member is one run."""
 
-    Args:
-        work: what all blocks share.
-        pieces: the runs of each scene.
-        measurements: detections of the runs of all pieces, one after the other.
-    """
-
-    several = True
+    multi_object = True
 
     def __init__(self, work: Work, pieces: Sequence[BlockRuns], measurements: Measurements) -> None:
         self._work, self.pieces, self.measurements = work, pieces, measurements
 
     @classmethod
     def of(cls, work: Work, piece: BlockRuns) -> HiddenIdentities:
-        """Sense some runs of a scene."""
+        """Return the batch of some runs of one scene, with their detections."""
         sensors, noise = work.scenes[piece.scene].sensors, work.noise_of(piece.scene)
         return cls(work, [piece], sense_hidden(sensors, work.seed, noise, piece.runs))
 
@@ -119,45 +108,39 @@ class HiddenIdentities:
         return sum(len(piece.runs) for piece in self.pieces)
 
     def start(self, name: str) -> Any:
-        """Return a fresh tracker of several objects."""
         work, options = self._work, (self._work.isolation, True, self._work.sensors)
-        return start_stepper(work.driven(name), work.folder, self.members, work.prepared, *options)
+        return start_stepper(work.driven(name), work.folder, self.members, work.prepare_tracker, *options)
 
     def scoring(self, name: str, observe: OnRecordedRun | None) -> TrackScoring:
-        """Return what scores the tracks of a tracker; they are not observed."""
+        """Return the object that scores a tracker's tracks; ``observe`` is not called."""
         return TrackScoring(self._work, self.pieces, name, self.measurements)
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run, with the origins of their detections; they are not observed."""
-        (piece,), seen = self.pieces, self.measurements
+        """Return the scans of the recorded run, with the origins of their detections; ``observe`` is not called."""
+        (piece,), measurements = self.pieces, self.measurements
         run = self._work.recorded_in(piece)
         if run is None:
             return None
-        pairs = zip(seen.scans, seen.origins, strict=True)
+        pairs = zip(measurements.scans, measurements.origins, strict=True)
         number = self._work.recorded_run
         return RecordedScans(
-            [scan_of_run(scan, run) for scan in seen.scans],
+            [scan_of_run(scan, run) for scan in measurements.scans],
             [origins[scan.valid[:, run], run] for scan, origins in pairs],
             of_runs(self._work.scenes[piece.scene].due.status, range(number, number + 1))[..., 0],
         )
 
 
 def batches_of(work: Work, group: Sequence[BlockRuns]) -> tuple[Sequence[Batch], Sequence[Batch]]:
-    """Return the batches of a group of blocks.
+    """Return one batch per block, for plug-ins, and the batches for built-in trackers.
 
-    Args:
-        work: what all blocks share.
-        group: the runs of each block.
-
-    Returns:
-        A batch a block; and the batches that built-in trackers take, which with hidden identities is one of all blocks.
+    With hidden identities built-in trackers get a single batch with all blocks.
     """
     if not work.hidden:
         batches = [KnownIdentities(work, piece) for piece in group]
         return batches, batches
     blocks = [HiddenIdentities.of(work, piece) for piece in group]
-    together = scenes_side_by_side([block.measurements for block in blocks])
-    return blocks, [HiddenIdentities(work, group, together)]
+    joined = scenes_side_by_side([block.measurements for block in blocks])
+    return blocks, [HiddenIdentities(work, group, joined)]
 
 
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:

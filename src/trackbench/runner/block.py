@@ -1,4 +1,4 @@
-"""The measurements of a group of blocks, the trackers that go through them, and what these leave behind."""
+"""Blocks of runs: their measurements, the drives of trackers through them, and the sums that result."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
 from trackbench.results.columns import Record
+from trackbench.runner.answer_records import answer_records
 from trackbench.runner.batches import Batch, batches_of
-from trackbench.runner.kept_answers import answer_records
 from trackbench.runner.recorded import OnRecordedRun, Outcome, RecordedEstimates, RecordedScans
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
@@ -20,26 +20,26 @@ from trackbench.trackers.config import FilterConfig
 
 @dataclass
 class Block:
-    """What a block of runs leaves behind."""
+    """Results of one block of runs."""
 
     piece: BlockRuns
     outcomes: dict[str, Outcome | Failure]
-    """By tracker."""
+    """Outcome of each tracker, by name."""
     detections: dict[str, int]
-    """By sensor, the number of detections of objects."""
+    """Number of detections of objects, by sensor."""
     digests: list[bytes]
-    """A fingerprint of each run's measurements."""
+    """Hash of each run's measurements."""
     engines: dict[str, EngineUsed]
-    """By built-in tracker, what computed it."""
+    """Engine that computed each built-in tracker, by name."""
     recorded_scans: RecordedScans | None
-    """Those of the recorded run, if it is in this block."""
+    """Scans of the recorded run; None if it is in another block."""
     answers: list[Record] = field(default_factory=list)
-    """Answers of the trackers that did not fail, a record a run, where they are kept."""
+    """Answers of the trackers that did not fail, one record per run; empty unless ``Work.keeps_answers``."""
     random: frozenset[str] = frozenset()
-    """The plug-ins that say that they draw random numbers."""
+    """Names of the plug-ins that declare that they draw random numbers."""
 
     def add(self, tracker: TrackerRun, outcome: Outcome | Failure, engine: EngineUsed | None) -> None:
-        """Add what a tracker leaves, what computed it, and what it says of itself."""
+        """Add a tracker's outcome, its engine, and whether it draws random numbers."""
         self.outcomes[tracker.name] = outcome
         if engine is not None:
             self.engines[tracker.name] = engine
@@ -48,7 +48,7 @@ class Block:
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates | RecordedTracks]:
-        """By tracker that has not failed, what it gave in the recorded run, if that is in this block."""
+        """Estimates or tracks of the recorded run, by tracker that did not fail; empty if it is in another block."""
         outcomes = {name: item for name, item in self.outcomes.items() if not isinstance(item, Failure)}
         return {name: item.recorded for name, item in outcomes.items() if item.recorded is not None}
 
@@ -56,53 +56,49 @@ class Block:
 def failures_and_outcomes(
     trackers: Iterable[str], blocks: Sequence[Block]
 ) -> tuple[dict[str, Failure], dict[str, list[Any]]]:
-    """By tracker, the first failure of those that failed in any block; of the others what each block leaves."""
+    """Return the first failure of each tracker that failed in any block, and the outcomes of each other tracker."""
     failures: dict[str, Failure] = {}
     outcomes: dict[str, list[Any]] = {}
     for name in trackers:
-        every = [block.outcomes[name] for block in blocks]
-        failure = next((outcome for outcome in every if isinstance(outcome, Failure)), None)
+        of_blocks = [block.outcomes[name] for block in blocks]
+        failure = next((outcome for outcome in of_blocks if isinstance(outcome, Failure)), None)
         if failure is None:
-            outcomes[name] = every
+            outcomes[name] = of_blocks
         else:
             failures[name] = failure
     return failures, outcomes
 
 
 class Blocks:
-    """A group of blocks, with their measurements.
+    """Group of blocks that are made together, with their measurements.
 
-    With hidden identities built-in trackers take the runs of all blocks at once.
-
-    Args:
-        work: what all blocks share.
-        group: the runs of each block.
-        on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
+    With hidden identities a built-in tracker processes the runs of all blocks as one batch. ``on_recorded_run`` gets
+    the recorded run, if it is in one of these blocks and identities are known.
     """
 
     def __init__(self, work: Work, group: Sequence[BlockRuns], on_recorded_run: OnRecordedRun | None) -> None:
         self._work, self._observe = work, on_recorded_run
-        self._batches, self._together = batches_of(work, group)
+        self._batches, self._joined = batches_of(work, group)
         self.blocks = [self._block(piece, batch) for piece, batch in zip(group, self._batches, strict=True)]
 
     def tracker_runs(self, name: str) -> Iterator[TrackerRun]:
-        """The tracker, afresh for each batch; a run is to be finished before the next one is asked for."""
+        """Yield a fresh drive of the tracker for each batch; finish a drive before asking for the next one."""
         built_in = isinstance(self._work.trackers[name], FilterConfig)
-        for batch in self._together if built_in else self._batches:
+        for batch in self._joined if built_in else self._batches:
             run = self._run(name, batch)
             yield run
             if run.failure is not None and len(batch.pieces) > 1:
-                # Each scene says for itself how far the tracker came.
-                for own in self._batches:
-                    run = self._run(name, own)
+                # Each scene is driven alone, to find in which ones the tracker fails, and when.
+                for single in self._batches:
+                    run = self._run(name, single)
                     yield run
                     self._add(run)
             else:
                 self._add(run)
 
     def _block(self, piece: BlockRuns, batch: Batch) -> Block:
-        seen = batch.measurements
-        return Block(piece, {}, seen.detected(), seen.digests, {}, batch.recorded_scans(self._observe))
+        counts, digests = batch.measurements.detected(), batch.measurements.digests
+        return Block(piece, {}, counts, digests, {}, batch.recorded_scans(self._observe))
 
     def _run(self, name: str, batch: Batch) -> TrackerRun:
         twice = batch.pieces == [self._work.driven_twice]
@@ -110,12 +106,12 @@ class Blocks:
 
     def _add(self, run: TrackerRun) -> None:
         outcomes = run.close()
-        kept = {}
+        answers = {}
         if run.answers and not isinstance(outcomes, Failure):
-            kept = answer_records(self._work, run.batch, run.name, run.answers)
+            answers = answer_records(self._work, run.batch, run.name, run.answers)
         for place, piece in enumerate(run.batch.pieces):
             outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
             engine = run.engine if run.engine is None or place == 0 else run.engine._replace(again=0)
             block = next(block for block in self.blocks if block.piece == piece)
             block.add(run, outcome, engine)
-            block.answers += kept.get(piece, [])
+            block.answers += answers.get(piece, [])

@@ -1,4 +1,4 @@
-"""The records that the tables of a result with known identities are made of."""
+"""Records of the tables of a result with known identities."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from trackbench.trackers.config import FilterConfig, ImmConfig
 
 
 def records_of_estimates(run: FinishedRun) -> Records:
-    """Return the records of tables of a run with known identities."""
+    """Return the records of each table of a run with known identities."""
     work, blocks, evaluated, scans, recorded = run
     scene = work.scenes[work.recorded_scene]
-    # Recorded scenes differ in how many measurements each sensor took.
+    # Recorded scenes differ in their number of measurements: the longest gives the times.
     times = {
         each[0].name: max((sensor.time for sensor in each), key=len)
         for each in zip(*(other.sensors for other in work.scenes), strict=True)
     }
     evaluations, scores = evaluated.evaluations, evaluated.scores
-    own_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
+    plugin_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
     records: Records = {
         "steps": [_step_record(name, item, work.longest_time) for name, item in evaluations.items()],
         "nis": _nis_records(scores, times),
         "runs": [
-            {**run_keys(name, work), **run_sums_record(item, scores[name], own_columns)}
+            {**run_keys(name, work), **run_sums_record(item, scores[name], plugin_columns)}
             for name, item in evaluations.items()
         ],
         "measurements": measurement_records(scans.scans, scene.truth.ids),
@@ -54,7 +54,7 @@ def records_of_estimates(run: FinishedRun) -> Records:
 
 
 def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Record]:
-    """Every measurement of a run with known identities."""
+    """Return a record of each scan of a run with known identities, with a row per object."""
     return [
         {**scan_record(scan), "arrival_time_s": float(scan.arrival_time), "object": list(ids), "valid": scan.valid}
         for scan in scans
@@ -64,7 +64,7 @@ def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Recor
 def estimate_records(
     recorded: Mapping[str, RecordedEstimates], truth: Truth, instants: Indices, run: int
 ) -> list[Record]:
-    """Every tracker's estimates of one run at some steps of the truth, with their errors."""
+    """Return every tracker's estimates of one run at some steps of the truth, with their errors."""
     state = truth.state_of_run(run)[:, instants]
     records: list[Record] = []
     for name, estimates in recorded.items():
@@ -87,43 +87,41 @@ def estimate_records(
 
 
 def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
-    """Errors at each instant over runs and objects, with the reference."""
     sums = evaluation.scores.per_step
-    return {"tracker": name, "time_s": time, **_error_columns(sums), **_bounds("nees", 4, sums[ERROR["given"]])}
+    return {"tracker": name, "time_s": time, **_error_columns(sums), **_bounds_of_mean("nees", 4, sums[ERROR["given"]])}
 
 
 def _error_columns(sums: Array) -> Record:
     """Return the errors, mean NEES and references ``(rows,)`` from their sums ``(fields, rows)``."""
-    of = dict(zip(ERROR, sums, strict=True))
-    count = of["count"]
+    sum_of = dict(zip(ERROR, sums, strict=True))
+    count = sum_of["count"]
 
     def root(total: Array) -> Array:
         return np.sqrt(mean(total, count))
 
     def reference(name: str) -> Array:
-        return root(np.where(of[name] > 0, of[name], np.nan))
+        return root(np.where(sum_of[name] > 0, sum_of[name], np.nan))
 
     return {
         "count": count,
-        "given": of["given"],
-        "position_rmse_m": root(of["px"] + of["py"]),
-        "velocity_rmse_mps": root(of["vx"] + of["vy"]),
-        **{f"{name}_rmse_m": root(of[name]) for name in ("px", "py")},
-        **{f"{name}_rmse_mps": root(of[name]) for name in ("vx", "vy")},
-        "nees_mean": mean(of["nees"], of["given"]),
+        "given": sum_of["given"],
+        "position_rmse_m": root(sum_of["px"] + sum_of["py"]),
+        "velocity_rmse_mps": root(sum_of["vx"] + sum_of["vy"]),
+        **{f"{name}_rmse_m": root(sum_of[name]) for name in ("px", "py")},
+        **{f"{name}_rmse_mps": root(sum_of[name]) for name in ("vx", "vy")},
+        "nees_mean": mean(sum_of["nees"], sum_of["given"]),
         "position_reference_m": reference("position_reference"),
         "velocity_reference_mps": reference("velocity_reference"),
     }
 
 
-def _bounds(name: str, dof: int, count: Array) -> Record:
-    """Where the mean of a chi-square statistic is expected."""
+def _bounds_of_mean(name: str, dof: int, count: Array) -> Record:
     low, high = mean_bounds(dof, count)
     return {f"{name}_low": np.where(count > 0, low, np.nan), f"{name}_high": np.where(count > 0, high, np.nan)}
 
 
-def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Sequence[str]) -> Record:
-    """Return the errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
+def run_sums_record(evaluation: Evaluation, scores: BlockScores, plugin_columns: Sequence[str]) -> Record:
+    """Return the errors in each run, for paired comparisons, and its terms of each metric of a plug-in."""
     missing = np.full(len(scores.due), np.nan)
     nis, nis_count = (
         sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))
@@ -135,12 +133,11 @@ def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Se
         "due": scores.due,
         "diverged": scores.diverged,
         "repaired": scores.repaired,
-        **{name: evaluation.run_columns.get(name, missing) for name in own_columns},
+        **{name: evaluation.run_columns.get(name, missing) for name in plugin_columns},
     }
 
 
 def _stretch_record(name: str, evaluation: Evaluation, scores: BlockScores) -> Record:
-    """Errors in each stretch of time of a single run, or of few logs."""
     run = np.concatenate([[number] * count for number, count in enumerate(scores.stretches or ())])
     keys = {"tracker": name, "run": run.astype(float), "stretch": np.arange(len(run), dtype=float)}
     return {**keys, **_error_columns(evaluation.scores.per_part)}
@@ -155,12 +152,12 @@ def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) 
                 count = sums["count"]
                 keys = {"tracker": name, "sensor": sensor, "time_s": times[sensor], "dof": float(nis.dof)}
                 means = {"nis_mean": mean(sums["nis"], count), "inside95": mean(sums["inside"], count)}
-                records.append({**keys, "count": count, **means, **_bounds("nis", nis.dof, count)})
+                records.append({**keys, "count": count, **means, **_bounds_of_mean("nis", nis.dof, count)})
     return records
 
 
 def _mode_records(work: Work, blocks: Sequence[Block], trackers: Sequence[str]) -> Records:
-    """The mode probabilities: mean over runs and objects, and the recorded run; no tables where no tracker has any."""
+    """Return mode probabilities: means over runs and objects, and the recorded run; no tables without modes."""
     scene, time = work.scenes[work.recorded_scene], work.longest_time
     means: list[Record] = []
     single: list[Record] = []

@@ -1,4 +1,4 @@
-"""The metrics of every tracker from the blocks of a run, and whether what the scenario expects of them holds."""
+"""Metrics of every tracker from the blocks of a run, and whether the expectations of the scenario hold."""
 
 from __future__ import annotations
 
@@ -17,43 +17,43 @@ from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import Work
 from trackbench.scenario.keys import Expectation
 
-#: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
+#: Reason for a missing value where nothing had to be tracked: every number would look perfect.
 NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
-#: Why there is no value where a recording does not say which detections are of which object.
+#: Reason for a missing value where a recording does not label its detections with objects.
 UNLABELLED = "the recording does not say of which object a detection is"
 
-#: Why there is no value of what counts false tracks.
+#: Reason for a missing value of a metric that counts false tracks.
 OTHERS_IGNORED = "tracks on no object are ignored (truth.reference.others)"
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """What the trackers of a run reached."""
+    """Metrics, ranking and failures of the trackers of a run."""
 
     failures: Mapping[str, Failure]
-    """By tracker that could not go on."""
+    """Failure of each tracker that failed, by name."""
     evaluations: Mapping[str, Evaluation]
-    """By each other tracker, its metrics."""
+    """Metrics of each tracker that did not fail, by name."""
     ranked: Sequence[str]
-    """Those with enough estimates, best first."""
+    """Names of the trackers with enough estimates, best first."""
     outcomes: Mapping[str, Sequence[Outcome]]
-    """By each tracker that did not fail, what its blocks left."""
+    """Outcomes of all blocks, by name of each tracker that did not fail."""
     scores: Mapping[str, BlockScores]
-    """With known identities, by each tracker that did not fail, the sums that the built-in metrics share."""
+    """Sums that the built-in metrics share, by name of each tracker that did not fail; with known identities only."""
 
 
-def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
-    """The metrics of every tracker."""
+def evaluate_trackers(work: Work, blocks: Sequence[Block]) -> Evaluated:
+    """Merge the blocks, evaluate every metric of every tracker, and rank the trackers."""
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
     summed = [metric for metric in work.metrics if work.has_truth or "truth" not in metric.needs]
     sums = {name: merge_sums([item.sums for item in items], summed) for name, items in outcomes.items()}
-    evaluations = {name: _evaluation(work, own) for name, own in sums.items()}
-    scores = {name: own[ESTIMATES.name] for name, own in sums.items() if ESTIMATES.name in own}
-    few = {name for name, own in scores.items() if not own.given or own.coverage < work.min_coverage}
-    enough = [name for name in evaluations if name not in few]
-    errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}
+    evaluations = {name: _evaluation(work, item) for name, item in sums.items()}
+    scores = {name: item[ESTIMATES.name] for name, item in sums.items() if ESTIMATES.name in item}
+    incomplete = {name for name, item in scores.items() if not item.given or item.coverage < work.min_coverage}
+    complete = [name for name in evaluations if name not in incomplete]
+    errors = {name: evaluations[name].intervals.get(work.headline) for name in complete}
     values = {name: error.value for name, error in errors.items() if error is not None}
-    ranked = by_value(values) if len(values) == len(enough) else enough
+    ranked = by_value(values) if len(values) == len(complete) else complete
     return Evaluated(failures, evaluations, ranked, outcomes, scores)
 
 
@@ -81,7 +81,7 @@ def judge(
     differences: Sequence[Difference],
     min_coverage: float,
 ) -> list[ExpectationResult]:
-    """Each expectation with its value and whether it holds; none holds of a tracker with too few estimates."""
+    """Return the value of each expectation, and whether it holds; it fails for a tracker with too few estimates."""
     by_name = {tracker.name: tracker for tracker in trackers}
     return [_judge(item, by_name[item.tracker], differences, min_coverage) for item in expectations]
 
@@ -91,12 +91,12 @@ def _judge(
 ) -> ExpectationResult:
     value = _value_at_path(tracker, item.metric)
     number = value if isinstance(value, float | int) else None
-    note = silent = _silence(tracker, item.metric, min_coverage)
+    note = missing = _missing_share(tracker, item.metric, min_coverage)
     operator: str
     limit: str | float
     undecided = False
     if item.better_than is not None:
-        # The same difference, corrected, as the tables show.
+        # The tables show this difference too, with its correction for all comparisons.
         pair = {item.tracker, item.better_than}
         difference = next(
             (each for each in differences if each.metric == item.metric and {each.a, each.b} == pair), None
@@ -105,7 +105,7 @@ def _judge(
         passed = difference is not None and difference.better == item.tracker
         undecided = difference is not None and difference.verdict == UNDECIDED
         if not passed and not note:
-            note = _not_better(item.tracker, difference)
+            note = _why_not_better(item.tracker, difference)
     elif item.equals is not None:
         operator, limit, passed, undecided = "is", item.equals, value == item.equals, value == UNDECIDED
     elif item.below is not None:
@@ -121,13 +121,12 @@ def _judge(
         limit=limit,
         value=value,
         passed=passed and not note,
-        undecided=undecided and not passed and not silent,
+        undecided=undecided and not passed and not missing,
         text=f"{item.tracker} {item.metric} {operator.replace('_', ' ')} {shown}{note}",
     )
 
 
-def _not_better(tracker: str, difference: Difference | None) -> str:
-    """What was shown of the two trackers instead."""
+def _why_not_better(tracker: str, difference: Difference | None) -> str:
     if difference is None:
         return " (not compared)"
     assert difference.p_value is not None
@@ -139,13 +138,13 @@ def _not_better(tracker: str, difference: Difference | None) -> str:
     tested = (
         "too few runs or scenes to test"
         if untested
-        else f"{word}, p = {difference.p_value:.2g} of the test that it exceeds the margin"
+        else f"{word}, p = {difference.p_value:.2g} in the test for more than the margin"
     )
     return f" (difference {value:+.3g} {difference.unit}, {tested})"
 
 
-def _silence(tracker: TrackerResult, path: str, min_coverage: float) -> str:
-    """The missing estimates or innovations that the metric rests on, where there are too many."""
+def _missing_share(tracker: TrackerResult, path: str, min_coverage: float) -> str:
+    """Say how many estimates or innovations the metric lacks; empty unless they are too many."""
     for name, what in (("coverage", "estimates"), (path, "innovations"), (path.rpartition(".")[0], "innovations")):
         metric = tracker.metrics.get(name)
         share = None if metric is None else metric.value if name == "coverage" else metric.coverage
@@ -155,7 +154,7 @@ def _silence(tracker: TrackerResult, path: str, min_coverage: float) -> str:
 
 
 def _value_at_path(tracker: TrackerResult, path: str) -> float | str | None:
-    """The value at a path that an expectation may name; None where there is none."""
+    """Return the value at a metric path; None where there is none."""
     if path.startswith(HEALTH):
         count: float | None = getattr(tracker.health, path.removeprefix(HEALTH))
         return count

@@ -1,4 +1,4 @@
-"""The steps of a built-in tracker of single objects through many scans, as one sequence of calls of its kernels."""
+"""The steps of a built-in single-object tracker through many scans, as one sequence of kernel calls."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from trackbench.trackers.track_steps import TrackState
 
 
 class SequenceStep(NamedTuple):
-    """One step of a sequence."""
+    """One step of a sequence: the tracker's processing of one scan."""
 
     instant: int
-    """From 0, the first of the sequence."""
+    """Index of the instant in the sequence, from 0."""
     scan: Scan
     elapsed: float
-    """Since the latest scan at which the state advanced, s."""
+    """Time since the latest scan that advanced the state, s."""
     reads: bool
     """Whether the measurements update the state."""
     advances: bool
-    """Whether the state moves on."""
+    """Whether the state advances to the time of the scan."""
     last: bool
-    """Whether the tracker is scored by the estimate after it."""
+    """Whether the tracker is scored by the estimate after this step."""
 
 
 def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Scan]]) -> list[SequenceStep]:
-    """The steps of a tracker through the scans of the first of some instants that are mere steps of its filter.
+    """Return a tracker's steps through the leading instants in which each step only predicts and updates its filter.
 
-    They end before an instant at which a track may start. There are none where a track is followed by position and
-    velocity, or may have to be where no measurement is read.
+    The steps end before an instant at which a track may start, a scan is late, or a guarded tracker reads nothing.
+    There are no steps before the first track, in the Cartesian fallback, or while a track waits by a prior or at rest.
     """
     started = state.started
-    waits = not started.all()
-    waits_otherwise = waits and (tracker.prior is not None or tracker.initial.waiting == "at_rest")
+    some_wait = not started.all()
+    waits_with_state = some_wait and (tracker.prior is not None or tracker.initial.waiting == "at_rest")
     steps: list[SequenceStep] = []
-    if state.fallback is not None or not started.any() or waits_otherwise:
+    if state.fallback is not None or not started.any() or waits_with_state:
         return steps
     starting, time = tracker.initial.sensors or tracker.sensors, state.time
     for instant, scans in enumerate(instants):
-        own: list[SequenceStep] = []
+        group: list[SequenceStep] = []
         for number, taken in enumerate(scans):
             scan = tracker.assumed.read(taken)
             advances = tracker.advances(scan.sensor) and not scan.asked
             reads = advances and (tracker.sensors is None or scan.sensor in tracker.sensors)
-            may_start = waits and advances and (starting is None or scan.sensor in starting)
+            may_start = some_wait and advances and (starting is None or scan.sensor in starting)
             if (
                 scan.arrival_time != scan.time
                 or scan.time < time
@@ -60,35 +60,36 @@ def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[S
                 or (may_start and (scan.valid & ~started).any())
             ):
                 return steps
-            own.append(SequenceStep(instant, scan, scan.time - time, reads, advances, number == len(scans) - 1))
+            group.append(SequenceStep(instant, scan, scan.time - time, reads, advances, number == len(scans) - 1))
             time = scan.time if advances else time
-        steps += own
+        steps += group
     return steps
 
 
 class Slot(NamedTuple):
-    """Where an array of a step lies: ``(components..., slots, objects, runs)``."""
+    """One slot of an array ``(components..., slots, objects, runs)``."""
 
     array: Array
     number: int
 
     @property
     def value(self) -> Array:
-        """``(components..., batch)``"""
+        """Values in the slot, ``(components..., batch)``."""
         axes = self.array.ndim - 3
         value: Array = self.array[(slice(None),) * axes + (self.number,)]
         return value.reshape(*value.shape[:axes], -1)
 
 
 class FilterSequence:
-    """The steps of a tracker as calls of kernels.
+    """Steps of a tracker as kernel calls, with the arrays that they read and write.
 
     Args:
-        tracker: whose filter is computed by kernels.
-        state: before the first step.
-        steps: its steps.
-        shape: numbers of objects and of runs.
-        some: which runs, where it is not all of them; the estimates of all steps of these are kept, and not scored.
+        tracker: the tracker; its filter is computed by kernels.
+        state: state before the first step.
+        steps: steps of the tracker.
+        shape: number of objects and number of runs.
+        recorded_runs: runs whose estimates are kept at all steps and not scored; None for all runs, scored, with only
+            the latest estimates kept.
     """
 
     def __init__(
@@ -97,57 +98,58 @@ class FilterSequence:
         state: TrackState,
         steps: Sequence[SequenceStep],
         shape: tuple[int, int],
-        some: range | None = None,
+        recorded_runs: range | None = None,
     ) -> None:
         assert isinstance(tracker.computed_filter, FusedFilter)
         self._tracker, self._filter, self._state, self._steps = tracker, tracker.computed_filter, state, steps
-        self._keeps, self._all_runs = some is not None, shape[1]
-        runs = some or range(shape[1])
+        self._keeps, self._all_runs = recorded_runs is not None, shape[1]
+        runs = recorded_runs or range(shape[1])
         self._first_run, self.shape = runs.start, (shape[0], len(runs))
-        """Numbers of objects and runs."""
+        """Number of objects and number of runs in the arrays."""
         advances = np.array([step.advances for step in steps])
         self._still = ~advances & (np.array([step.elapsed for step in steps]) <= 0.0)
         self._of_state = advances | self._still
-        others = ~self._of_state
-        # The slot that each step reads, and that of its estimate: of the state, or of predictions that are not kept.
+        aside = ~self._of_state
+        # The slot that each step reads, and the slot of its estimate: of the state, or of predictions beside it.
         self._from = np.cumsum(advances) - advances
-        self._to = np.where(self._of_state, self._from + advances, np.cumsum(others) - 1)
+        self._to = np.where(self._of_state, self._from + advances, np.cumsum(aside) - 1)
         belief = belief_values(state.belief._replace(repaired=None), without=REUSED)
-        self._own = {name: self._slots(name, value.shape[:-1], 1 + advances.sum()) for name, value in belief.items()}
+        self._main = {name: self._slots(name, value.shape[:-1], 1 + advances.sum()) for name, value in belief.items()}
         for name, value in belief.items():
-            self._own[name][..., 0, :, :] = value.reshape(*value.shape[:-1], *shape)[..., runs.start : runs.stop]
-        self._others = {name: self._slots(name, value.shape[:-1], others.sum()) for name, value in belief.items()}
-        # As many slots as a state has, so that all estimates are equally far apart.
+            self._main[name][..., 0, :, :] = value.reshape(*value.shape[:-1], *shape)[..., runs.start : runs.stop]
+        self._beside = {name: self._slots(name, value.shape[:-1], aside.sum()) for name, value in belief.items()}
+        # As many slots as the state has, so that all estimates have the same stride.
         slots = len(steps) if self._keeps else min(2, 1 + int(advances.sum()))
         self._cartesian = np.empty((4, slots, *self.shape)), np.empty((4, 4, slots, *self.shape))
         self.refused, self.repaired = np.zeros((2, len(steps), *self.shape), dtype=bool)
-        """``(steps, objects, runs)`` where a step should not have been made, and whose covariance was repaired."""
-        # Behind an update is the call of its innovation, behind a prediction that of px, py, vx, vy; then the scores.
+        """``(steps, objects, runs)`` True where the guard refused a step, and where a covariance was repaired."""
+        # An update is followed by the call for its innovation, a prediction by the call for px, py, vx, vy; a scored
+        # step ends with the call for its scores.
         reads, scored = (np.array([getattr(step, name) for step in steps]) for name in ("reads", "last"))
         behind = ~reads & ~self._still if self._keeps else ~self._still + scored.astype(int)
         calls = 1 + behind
         self._first, self.length = np.cumsum(calls) - calls, int(calls.sum())
         self.scored = np.flatnonzero(scored)
-        """Numbers of the steps that are scored."""
+        """Indices of the steps that are scored."""
         self.score_calls = (self._first + calls - 1)[self.scored]
-        """The calls that are left for their scores."""
+        """Indices of the calls reserved for the scores of these steps."""
         self.cartesian: list[tuple[Slot, Slot]] = []
-        """Where the mean and the covariance of px, py, vx, vy after each step lie, once the calls are added."""
+        """Slots of the mean and the covariance of px, py, vx, vy after each step; filled by ``add``."""
         self._addresses, self._strides = np.zeros((2, len(steps)), dtype=np.int64), set[tuple[int, int, int]]()
         self._alive: list[Any] = []
-        """Arrays whose places the calls have."""
+        """Arrays that the calls refer to by address, so that they must not be freed."""
 
     def _slots(self, name: str, components: tuple[int, ...], count: int) -> Array:
         count = count if self._keeps or name == "probability" else min(2, count)
         return np.empty((*components, count, *self.shape))
 
     def add(self, sequence: CallSequence, white: Addresses) -> bool:
-        """Add the calls to a sequence; whether there are kernels for all of them.
+        """Add the calls to a sequence, and return whether there are kernels for all of them.
 
         Args:
-            sequence: of ``length`` calls.
-            white: ``(steps,)`` addresses of where the whitened innovations of each step that reads are put, each
-                component a row of all members.
+            sequence: sequence with ``length`` calls.
+            white: ``(steps,)`` addresses to which each step that reads writes its whitened innovations; each component
+                is a row over all members.
         """
         self.cartesian = [(Slot(self._cartesian[0], 0), Slot(self._cartesian[1], 0))] * len(self._steps)
         groups: dict[Any, list[int]] = {}
@@ -163,14 +165,14 @@ class FilterSequence:
         )
 
     def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses) -> bool:
-        """Predictions to scans and updates with them, whose measurements are of one form."""
+        """Add predictions and updates with scans of one form, and return whether there is a kernel."""
         scans = [self._steps[number].scan for number in numbers]
         kernel = self._filter.step_kernel(self._state.belief, scans[0], self._tracker.guard)
         if kernel is None:
             return False
         noise = [scan.noise_covariance for scan in scans]
         inputs = {
-            **self._inputs(self._own, self._from[numbers]),
+            **self._inputs(self._main, self._from[numbers]),
             **self._time(numbers),
             "measurement": self._each([scan.measurement for scan in scans], 1),
             "valid": self._each([scan.valid for scan in scans], 0),
@@ -179,40 +181,38 @@ class FilterSequence:
             "velocity": self._of_all([scan.sensor_velocity for scan in scans], 1),
         }
         outputs = {
-            **self._outputs(self._own, self._to[numbers]),
+            **self._outputs(self._main, self._to[numbers]),
             "refused": place(self.refused, 0, numbers),
             "repaired": place(self.repaired, 0, numbers),
             "whitened": ArrayPlace(white[numbers], self.shape[0] * self.shape[1], 8 * self.shape[1]),
         }
         same = kernel.layout.same
         if same.get("cartesian") == "mean" and same.get("cartesian covariance") == "covariance":
-            self._note(numbers, (self._own["mean"], self._own["covariance"]), self._to[numbers])
+            self._note_places(numbers, (self._main["mean"], self._main["covariance"]), self._to[numbers])
         else:
             outputs |= self._cartesian_places(numbers)
         sequence.call(kernel, self._first[numbers], inputs, outputs)
         return True
 
     def _add_predictions(self, sequence: CallSequence, numbers: Indices) -> bool:
-        """Predictions, the latest estimate that is kept being the one before; over no time that estimate itself."""
+        """Add predictions (over no time: the state itself) and their px, py, vx, vy; return whether kernels exist."""
         prediction = self._filter.prediction_kernel(self._state.belief)
         cartesian = self._filter.cartesian_kernel(self._state.belief)
         if prediction is None or cartesian is None:
             return False
-        at, still = self._first[numbers], self._still[numbers[0]]
-        into = self._after(numbers[0])
+        calls, still = self._first[numbers], self._still[numbers[0]]
+        into = self._arrays_after(numbers[0])
         if not still:
-            inputs = self._inputs(self._own, self._from[numbers]) | self._time(numbers)
-            sequence.call(prediction, at, inputs, self._outputs(into, self._to[numbers]))
+            inputs = self._inputs(self._main, self._from[numbers]) | self._time(numbers)
+            sequence.call(prediction, calls, inputs, self._outputs(into, self._to[numbers]))
         inputs = self._inputs(into, self._to[numbers])
-        sequence.call(cartesian, at + (not still), inputs, self._cartesian_places(numbers))
+        sequence.call(cartesian, calls + (not still), inputs, self._cartesian_places(numbers))
         return True
 
-    def _after(self, number: int) -> dict[str, Array]:
-        """The arrays that hold the estimate of the filter after a step, in slot ``_to``."""
-        return self._own if self._of_state[number] else self._others
+    def _arrays_after(self, number: int) -> dict[str, Array]:
+        return self._main if self._of_state[number] else self._beside
 
     def _inputs(self, arrays: dict[str, Array], slots: Indices) -> dict[str, ArrayPlace]:
-        """The state in some slots, and the options of the motion models."""
         constants = {
             name: self._of_all([np.float64(value)] * len(slots), 0) for name, value in self._filter.options.items()
         }
@@ -227,12 +227,11 @@ class FilterSequence:
 
     def _cartesian_places(self, numbers: Indices) -> dict[str, ArrayPlace]:
         slots = numbers if self._keeps else np.zeros_like(numbers)
-        self._note(numbers, self._cartesian, slots)
+        self._note_places(numbers, self._cartesian, slots)
         mean, covariance = self._cartesian
         return {"cartesian": place(mean, 1, slots), "cartesian covariance": place(covariance, 2, slots)}
 
-    def _note(self, numbers: Indices, arrays: tuple[Array, Array], slots: Indices) -> None:
-        """Note where the estimates of some steps lie."""
+    def _note_places(self, numbers: Indices, arrays: tuple[Array, Array], slots: Indices) -> None:
         slots = slots % arrays[0].shape[-3]
         self._places = place(arrays[0], 1, slots), place(arrays[1], 2, slots)
         self._addresses[:, numbers] = [each.address for each in self._places]
@@ -241,46 +240,46 @@ class FilterSequence:
             self.cartesian[number] = Slot(arrays[0], slot), Slot(arrays[1], slot)
 
     def innovation_calls(self, numbers: Sequence[int]) -> tuple[Indices, ArrayPlace]:
-        """Return the calls that are left for the innovations of some steps, and where it lies which are valid."""
+        """Return the calls reserved for the innovations of some steps, and the place of the scans' ``valid``."""
         return self._first[numbers] + 1, self._each([self._steps[number].scan.valid for number in numbers], 0)
 
     def _each(self, arrays: Sequence[npt.NDArray[Any]], axes: int) -> ArrayPlace:
-        """The place of arrays ``(components..., batch)``, one for each call."""
+        """Return the place of arrays ``(components..., batch)``, one array per call."""
         arrays = [np.ascontiguousarray(array) for array in arrays]
         self._alive.append(arrays)
         result = place_of_each(arrays, axes, self._all_runs)
         return result._replace(address=result.address + self._first_run * arrays[0].itemsize)
 
     def _of_all(self, arrays: Sequence[Any], axes: int) -> ArrayPlace:
-        """The place of arrays that are the same for all members, one for each call."""
+        """Return the place of arrays that all members share, one array per call."""
         array = np.moveaxis(np.array(arrays, dtype=float), 0, -1)
         self._alive.append(array)
         return place(array, axes, np.arange(len(arrays)))
 
     def places(self, numbers: Indices) -> tuple[ArrayPlace, ArrayPlace]:
-        """Where the mean and the covariance of px, py, vx, vy after some steps lie."""
+        """Return the places of the mean and the covariance of px, py, vx, vy after some steps."""
         assert len(self._strides) == 2
         mean, covariance = self._places
         addresses = self._addresses[:, numbers]
         return mean._replace(address=addresses[0]), covariance._replace(address=addresses[1])
 
     def repairs(self) -> Array:
-        """``(instants, batch)`` number of repaired covariances."""
+        """Return the number of repaired covariances, ``(instants, batch)``."""
         instants, repaired = [step.instant for step in self._steps], self.repaired.reshape(len(self._steps), -1)
         starts = np.flatnonzero(np.diff(instants, prepend=-1))
         return np.add.reduceat(repaired, starts, axis=0, dtype=float) if repaired.any() else np.zeros((len(starts), 1))
 
     def probability(self, number: int) -> Array | None:
-        """``(M, batch)`` the mode probabilities after a step, of a filter that has modes."""
-        arrays = self._after(number)
+        """Return the mode probabilities ``(M, batch)`` after a step; None for a filter without modes."""
+        arrays = self._arrays_after(number)
         return Slot(arrays["probability"], self._to[number]).value if "probability" in arrays else None
 
     def state(self) -> TrackState:
-        """The state after the last step."""
+        """Return the tracker's state after the last step."""
         before, steps = self._state, [step for step in self._steps if step.advances]
         if not steps:
             return before
-        slots = {name: Slot(array, len(steps) % array.shape[-3]) for name, array in self._own.items()}
+        slots = {name: Slot(array, len(steps) % array.shape[-3]) for name, array in self._main.items()}
         belief = belief_of({name: slot.value.copy() for name, slot in slots.items()}, self._filter.modes)
-        # Of tracks that have not started nothing is predicted.
+        # Tracks that have not started keep their belief.
         return before._replace(time=steps[-1].scan.time, belief=choose(before.started, belief, before.belief))

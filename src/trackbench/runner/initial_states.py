@@ -1,4 +1,4 @@
-"""First states of trackers that start from the truth."""
+"""Initial states for trackers that start from the truth."""
 
 from __future__ import annotations
 
@@ -12,20 +12,14 @@ from trackbench.trackers.filtered import FilterTracker
 
 
 def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker) -> FilterTracker:
-    """Return the tracker, given its first states drawn from the truth if that is how it starts.
-
-    Args:
-        work: what all blocks share.
-        piece: the runs of this block.
-        tracker: of a batch ``(objects * runs,)``.
-    """
+    """Return the tracker with initial states drawn around the truth; unchanged unless it starts from the truth."""
     scene, runs = work.scenes[piece.scene], piece.runs
     truth = scene.truth
-    # When it starts must not depend on sensors that it does not read.
-    own = [sensor.steps for sensor in scene.sensors if tracker.advances(sensor.name)]
-    if not tracker.starts_from_truth or not own:
+    # The start must not depend on sensors that the tracker does not read.
+    sensor_steps = [sensor.steps for sensor in scene.sensors if tracker.advances(sensor.name)]
+    if not tracker.starts_from_truth or not sensor_steps:
         return tracker
-    instants = np.unique(np.concatenate(own))
+    instants = np.unique(np.concatenate(sensor_steps))
     objects = np.arange(len(truth.ids))
     first = instants[np.argmax(truth.alive[instants], axis=0)]
     shape = (len(objects), len(runs))

@@ -1,4 +1,4 @@
-"""The loop: blocks of Monte-Carlo runs, their measurements, and every tracker through them."""
+"""The loop: every tracker steps through the measurements of each block of Monte-Carlo runs."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from trackbench.runner.work import BlockRuns, Work
 
 #: Parameters of mallopt(3), from malloc.h.
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
-#: The largest that glibc takes, bytes.
+#: Largest mmap threshold that glibc accepts, bytes.
 LARGEST = 32 * 2**20
 
 
 def run_block(
     work: Work, piece: BlockRuns, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
 ) -> Block:
-    """A single block; as ``run_blocks``."""
+    """Run a single block by ``run_blocks``."""
     (block,) = run_blocks(work, [piece], progress, on_recorded_run)
     return block
 
@@ -32,12 +32,12 @@ def run_blocks(
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> list[Block]:
-    """Synthesise the measurements of some runs, take every tracker through them and score it.
+    """Simulate the measurements of some runs, step every tracker through them and score its answers.
 
     Args:
-        work: what all blocks share.
-        group: a group of ``Work.groups``.
-        progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
+        work: data shared by all blocks.
+        group: runs of each block; one of ``Work.groups``.
+        progress: called with the number of runs done and of all; each tracker counts for an equal part of a run.
         on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
     """
     keep_freed_memory()
@@ -47,7 +47,7 @@ def run_blocks(
         blocks = Blocks(work, group, on_recorded_run)
         for number, name in enumerate(work.trackers):
             for tracker_run in blocks.tracker_runs(name):
-                # What the tracker raises ends the context, and is kept as its failure.
+                # An error of the tracker ends the context and becomes its failure.
                 with tracker_run:
                     for arguments in tracker_run:
                         tracker_run.state, answer = tracker_run.tracker.step(tracker_run.state, *arguments)
@@ -58,11 +58,11 @@ def run_blocks(
 
 @cache
 def keep_freed_memory() -> None:
-    """Let the C library keep freed arrays for the next step, where it would return them to the system.
+    """Let the C library keep the memory of freed arrays for the next step, rather than return it to the system.
 
-    At first glibc maps every block of more than 128 KiB from the system and unmaps it again, so that each step of a
-    filter waits for fresh pages: a fifth of the time of an extended Kalman filter, and three quarters in a Dask worker,
-    whose environment fixes the limits low. Other C libraries are not affected.
+    By default glibc maps each array of more than 128 KiB anew, so that a filter waits for fresh pages in every step.
+    An extended Kalman filter loses a fifth of its time by that; three quarters in a Dask worker, whose environment sets
+    low limits. Other C libraries are not affected.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:

@@ -1,4 +1,4 @@
-"""What a block leaves of a tracker: its sums, the recorded run, and the mode probabilities of all."""
+"""Outcome of a tracker in a block: sums of its scores, the recorded run, and sums of its mode probabilities."""
 
 from __future__ import annotations
 
@@ -21,53 +21,53 @@ from trackbench.results.columns import Record
 
 @dataclass
 class Outcome:
-    """What a block leaves of one tracker."""
+    """Outcome of one tracker in one block."""
 
     sums: MetricSums
     recorded: RecordedEstimates | RecordedTracks | None
-    """What the tracker gave in the recorded run; None where that is not in this block."""
+    """Estimates or tracks of the recorded run; None if it is in another block."""
     modes: ModeSums | None = None
-    """Of a tracker that has modes."""
+    """Sums of the mode probabilities; None for a tracker without modes."""
     offset: Array | None = None
-    """Of tracks made elsewhere, ``(5, P)``: the run, and the rows of :func:`offset_pairs`."""
-    filed: Indices | None = None
-    """Of tracks made elsewhere, the numbers of rows, of those within the time of the truth, and of runs without any."""
+    """``(5, P)`` number of the run, then the rows of :func:`offset_pairs`; external tracks only."""
+    external_rows: Indices | None = None
+    """Number of rows, of rows within the time of the truth, and of runs without such rows; external tracks only."""
 
     @property
     def scores(self) -> BlockScores:
-        """The sums that the built-in metrics of estimates share."""
+        """Sums that the built-in metrics of estimates share."""
         scores: BlockScores = self.sums[ESTIMATES.name]
         return scores
 
     @property
     def timeline(self) -> Timeline:
-        """The sums of tracks at each instant."""
+        """Sums of the track metrics at each instant."""
         timeline: Timeline = self.sums[TIMELINE]
         return timeline
 
     @property
     def seconds(self) -> float:
-        """Time spent in the tracker."""
+        """Time spent in the tracker, s."""
         seconds: float = self.sums[StepTime.name][0] if StepTime.name in self.sums else np.nan
         return seconds
 
 
 @dataclass
 class RecordedEstimates:
-    """One tracker's estimates of the recorded run."""
+    """Estimates of one tracker in the recorded run."""
 
     mean: Array
-    """``(4, instants, objects)``, NaN where there is none."""
+    """``(4, instants, objects)``, NaN where there is no estimate."""
     covariance: Array
     """``(4, 4, instants, objects)``"""
     due: Mask
-    """``(instants, objects)`` where an estimate is due, and scored."""
+    """``(instants, objects)`` True where an estimate is due and scored."""
     nis: dict[str, list[Array]] = field(default_factory=dict)
-    """Per sensor and measurement ``(objects,)``, NaN where there is none."""
+    """NIS ``(objects,)`` of each scan, by sensor; NaN where there is none."""
 
     @classmethod
     def empty(cls, target: Target, run: int, measurements: Mapping[str, int]) -> RecordedEstimates:
-        """None yet, of a run of a block; ``measurements``: by sensor, how many it has."""
+        """Return arrays without estimates for one run of a block; ``measurements``: number of scans by sensor."""
         instants, objects = target.alive.shape
         nis = {sensor: [np.full(objects, np.nan)] * count for sensor, count in measurements.items()}
         mean, covariance = np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan)
@@ -75,62 +75,66 @@ class RecordedEstimates:
 
 
 class RecordedInstant(NamedTuple):
-    """The estimates of the recorded run at one instant."""
+    """Estimates of the recorded run at one instant."""
 
     number: int
-    """Of the instant, from 0."""
+    """Index of the instant, from 0."""
     estimates: dict[str, Gaussian]
-    """By tracker that has not failed: mean ``(4, objects)``, NaN where there is none, and covariance."""
+    """Mean ``(4, objects)``, NaN where there is none, and covariance, by name of each tracker that has not failed."""
 
 
-#: Called with the recorded run while it is made: with its scans first, then with the estimates of one tracker after the
-#: other at each instant.
+#: Function that gets the recorded run while it is made: first all scans, then each tracker's estimates by instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 
 
 @dataclass
 class RecordedScans:
-    """The scans of the recorded run."""
+    """Scans of the recorded run."""
 
     scans: list[Scan]
     """Batch axis ``(objects,)``; with hidden identities ``(D,)``."""
     origins: list[Indices] = field(default_factory=list)
-    """With hidden identities, of their detections."""
+    """Object number ``(D,)`` of each scan's detections; with hidden identities only."""
     status: npt.NDArray[np.int8] | None = None
-    """With hidden identities ``(instants, objects)``."""
+    """``(instants, objects)`` ``ABSENT``, ``OPTIONAL`` or ``DUE``; with hidden identities only."""
 
 
 class ModeSums:
-    """What the estimates of a block say of the modes."""
+    """Sums of a tracker's mode probabilities in a block.
 
-    def __init__(self, size: int, target: Target, kept: int | None) -> None:
-        """Nothing yet, of ``size`` modes; ``kept`` is the number of the recorded run in the block, if it is there."""
+    Args:
+        size: number of modes.
+        target: what the tracker is scored against.
+        recorded_run: number of the recorded run in the block; None if it is in another block.
+    """
+
+    def __init__(self, size: int, target: Target, recorded_run: int | None) -> None:
         instants, objects = target.alive.shape
         self.total = np.zeros((size, instants))
-        """Sum over the runs and objects where an estimate is due."""
+        """Sum over the runs and objects whose estimate is due, by mode and instant."""
         self.count = np.zeros(instants)
-        """How many these are."""
-        self.recorded = None if kept is None else np.full((size, instants, objects), np.nan)
-        """Of the recorded run; NaN where there is none."""
-        self._kept = kept
+        """Number of terms in ``total`` at each instant."""
+        self.recorded = None if recorded_run is None else np.full((size, instants, objects), np.nan)
+        """Probabilities of the recorded run; NaN where there is none."""
+        self._recorded_run = recorded_run
 
     def take(self, instant: int, probability: Array, target: Target) -> None:
-        """Take in ``(M, objects * runs)`` mode probabilities.
+        """Add the mode probabilities ``(M, objects * runs)`` of an instant.
 
         Raises:
-            Fault: before there were more or fewer modes.
+            Fault: the number of modes has changed.
         """
         if len(probability) != len(self.total):
             raise Fault(f"it gave {len(probability)} mode probabilities, and {len(self.total)} before", instant, None)
         scored = target.due[instant].reshape(-1) & np.isfinite(probability[0])
         self.total[:, instant] = probability[:, scored].sum(axis=1)
         self.count[instant] = scored.sum()
-        if self.recorded is not None and self._kept is not None:
-            of_run = probability[:, self._kept :: target.due.shape[2]]
+        if self.recorded is not None and self._recorded_run is not None:
+            of_run = probability[:, self._recorded_run :: target.due.shape[2]]
             self.recorded[:, instant] = np.where(target.alive[instant], of_run, np.nan)
 
 
 def state_columns(mean: Array, covariance: Array) -> Record:
-    """The columns of states ``(4, rows)`` and of the upper half of their covariances."""
+    """Return the columns of states ``(4, rows)`` and of the upper half of their covariances."""
     states = dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True))
     return states | {f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)}

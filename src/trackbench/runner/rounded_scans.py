@@ -1,4 +1,4 @@
-"""Fingerprints of measurements on any kind of processor: hashes to a thousandth of m, rad and m/s."""
+"""Fingerprints of measurements that agree on any kind of processor: hashes of values rounded to 0.001."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import sense_known
 from trackbench.truth import LoadedTruth
 
-#: Last digits differ from one kind of processor to another; a value next to an edge of rounding is rare.
+#: Decimals that are hashed. The last digits of values differ between processors, but rarely across an edge of rounding.
 DECIMALS = 3
 
 
 def rounded_fingerprints(loaded: Scenario, truths: Sequence[LoadedTruth]) -> list[str]:
-    """Return a fingerprint of the measurements of each run of each scene, whatever the scenario's trackers.
+    """Return a fingerprint of the measurements of each run of each scene; trackers have no influence.
 
     Args:
         loaded: the scenario.
-        truths: those of its scenes.
+        truths: truth of each scene.
     """
     work = work_of(replace(loaded, config=loaded.config.model_copy(update={"trackers": {}})), truths)
     sense = sense_hidden if work.hidden else sense_known
@@ -33,10 +33,10 @@ def rounded_fingerprints(loaded: Scenario, truths: Sequence[LoadedTruth]) -> lis
         for run in range(work.runs):
             digest = hashlib.sha256()
             for scan in scans:
-                # Members are numbered by object, then run; a run of hidden identities has an axis of its own.
+                # Members are numbered by object, then run; with hidden identities the runs have an axis of their own.
                 valid = scan.valid.reshape(-1, work.runs)[:, run]
                 measured = scan.measurement.reshape(len(scan.measurement), -1, work.runs)[:, valid, run]
-                # 0.0 makes -0.0 into 0.0.
+                # Adding 0.0 turns -0.0 into 0.0.
                 digest.update(f"{scan.sensor} {scan.time:.6f} {np.flatnonzero(valid).tolist()}".encode())
                 digest.update((np.round(measured, DECIMALS) + 0.0).tobytes())
             fingerprints.append(digest.hexdigest()[:16])

@@ -1,4 +1,4 @@
-"""Run a scenario: its blocks of runs through the executor, and the result of them all."""
+"""Run a scenario: make its blocks of runs by an executor, and assemble the result."""
 
 from __future__ import annotations
 
@@ -43,24 +43,24 @@ def run_scenario(
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
-    """The result of a scenario.
+    """Run a scenario and return its result.
 
-    That of an engine is the same wherever it is made, to the last bit, but for the times.
+    With one engine the result is the same on any executor, to the last bit, but for the measured times.
 
     Args:
         loaded: the scenario.
-        truths: those of its scenes.
-        executor: what makes the blocks of runs; this process unless given.
-        isolation: how trackers that are not built in are kept apart.
-        engine: what computes.
-        command: what reproduces the result.
-        keeps_answers: whether the result has the table ``answers``, of all that the trackers say in every run; NumPy
-            computes then.
+        truths: truth of each scene.
+        executor: makes the blocks of runs; this process unless given.
+        isolation: limits of the processes in which plug-ins run.
+        engine: engine that computes built-in trackers and scores.
+        command: command line that reproduces the result.
+        keeps_answers: whether the result has the table ``answers``, with the trackers' answers in every run; the engine
+            is NumPy then.
         progress: called with the number of runs done and of all.
         on_recorded_run: called with the recorded run while it is made; it should return at once.
 
     Raises:
-        InputError: the engine cannot be had.
+        InputError: the engine is not available.
         TrackbenchError: the processes that make the runs died.
     """
     options = {"observed": on_recorded_run is not None, "keeps_answers": keeps_answers}
@@ -75,14 +75,14 @@ def answers_of_scenes(
     executor: Executor,
     isolation: Isolation = ISOLATED,
 ) -> pa.Table | Failure:
-    """Return the table ``answers`` of some scenes alone; the failure where a tracker cannot go on.
+    """Run some scenes alone and return their table ``answers``, or the first failure of a tracker.
 
     Args:
         loaded: the scenario.
-        truths: those of all its scenes.
-        scenes: the numbers of those that are run.
-        executor: what makes the blocks of runs.
-        isolation: how trackers that are not built in are kept apart.
+        truths: truth of each of its scenes.
+        scenes: numbers of the scenes that are run.
+        executor: makes the blocks of runs.
+        isolation: limits of the processes in which plug-ins run.
     """
     work = replace(work_of(loaded, truths, isolation), keeps_answers=True)
     pieces = [piece for piece in work.pieces() if piece.scene in scenes]
@@ -94,17 +94,17 @@ def answers_of_scenes(
 
 
 class PendingRun:
-    """The runs of a scenario, being made.
+    """Runs of a scenario that are in progress from now on; ``collect`` waits for the result.
 
     Args:
         loaded: the scenario.
-        truths: those of its scenes.
-        executor: what makes the blocks of runs.
-        isolation: how trackers that are not built in are kept apart.
-        engine: what computes.
-        observed: whether the recorded run is looked at.
+        truths: truth of each scene.
+        executor: makes the blocks of runs.
+        isolation: limits of the processes in which plug-ins run.
+        engine: engine that computes built-in trackers and scores.
+        observed: whether ``collect`` gets a function that receives the recorded run.
         alone: whether no other scenario is run at the same time.
-        keeps_answers: as of ``run_scenario``.
+        keeps_answers: whether the result has the table ``answers``; the engine is NumPy then.
     """
 
     def __init__(
@@ -131,10 +131,10 @@ class PendingRun:
         progress: Progress = no_progress,
         on_recorded_run: OnRecordedRun | None = None,
     ) -> Result:
-        """The result, once all runs are done; as ``run_scenario``.
+        """Wait for all runs and return the result.
 
         Args:
-            command: gives what reproduces the result of a scenario.
+            command: returns the command line that reproduces the result of a scenario.
             progress: called with the number of runs done and of all.
             on_recorded_run: called with the recorded run while it is made.
         """
@@ -144,15 +144,15 @@ class PendingRun:
 
 
 class PendingBlocks:
-    """The blocks of a run, being made.
+    """Blocks of runs that are in progress from now on; ``collect`` waits for them.
 
     Args:
         loaded: the scenario.
-        work: what is the same for all of them.
-        pieces: which blocks.
-        executor: what makes them.
-        observed: whether the recorded run is looked at, so that its block has to be made in this process.
-        alone: whether nothing else is made at the same time, so that a single block is no work for another process.
+        work: data shared by all blocks.
+        pieces: runs of each block.
+        executor: makes the blocks.
+        observed: whether ``collect`` gets a function that receives the recorded run: its block is made in this process.
+        alone: whether nothing else is run at the same time: a single group of blocks is made in this process.
     """
 
     def __init__(
@@ -172,38 +172,38 @@ class PendingBlocks:
         self._on_recorded_run: OnRecordedRun | None = None
         self._groups = work.groups(pieces)
         of_scenes = cache(work.of_scenes)
-        here: list[tuple[Work, list[BlockRuns]]] = []
-        there: list[tuple[Work, list[BlockRuns]]] = []
-        self._is_here = []
+        local_calls: list[tuple[Work, list[BlockRuns]]] = []
+        executor_calls: list[tuple[Work, list[BlockRuns]]] = []
+        self._is_local = []
         for group in self._groups:
             call = of_scenes(tuple(dict.fromkeys(piece.scene for piece in group))), group
-            is_here = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
-            self._is_here.append(is_here)
-            (here if is_here else there).append(call)
+            is_local = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
+            self._is_local.append(is_local)
+            (local_calls if is_local else executor_calls).append(call)
         observers = self._advance, self._observe if observed else None
-        self._here = Executor().map(run_blocks, here, observers=observers)
-        self._there = executor.map(run_blocks, there, own_folder(loaded), observers)
+        self._from_here = Executor().map(run_blocks, local_calls, observers=observers)
+        self._from_executor = executor.map(run_blocks, executor_calls, own_folder(loaded), observers)
 
     def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
-        """The blocks in their order; all of them by NumPy where a kernel of a user's model differs from NumPy.
+        """Wait for the blocks and return them in order; repeat all by NumPy if a user's kernel differs from NumPy.
 
         Args:
             progress: called with the number of runs done and of all.
-            on_recorded_run: called with the recorded run as it is made, where it is observed.
+            on_recorded_run: called with the recorded run while it is made, if ``observed``.
 
         Raises:
-            TrackbenchError: the processes that make them died.
+            TrackbenchError: the processes that make the blocks died.
         """
         self._progress, self._on_recorded_run = progress, on_recorded_run
         blocks: list[Block] = []
-        for group, is_here in zip(self._groups, self._is_here, strict=True):
-            blocks += next(self._here if is_here else self._there)
+        for group, is_local in zip(self._groups, self._is_local, strict=True):
+            blocks += next(self._from_here if is_local else self._from_executor)
             self._done += sum(len(piece.runs) for piece in group)
             self._progress(self._done, self._total)
         blocks.sort(key=lambda block: (block.piece.scene, block.piece.runs.start))
         if any(used.differs for block in blocks for used in block.engines.values()):
             engines = [block.engines for block in blocks]
-            # Blocks of many runs are large.
+            # Blocks of many runs are large: free them first.
             blocks.clear()
             blocks = self._by_numpy().collect(progress, on_recorded_run)
             for block, before in zip(blocks, engines, strict=True):
@@ -214,9 +214,9 @@ class PendingBlocks:
     def _advance(self, done: float, _: float) -> None:
         self._progress(self._done + done, self._total)
 
-    def _observe(self, seen: list[Scan] | RecordedInstant) -> None:
+    def _observe(self, part: list[Scan] | RecordedInstant) -> None:
         if self._on_recorded_run is not None:
-            self._on_recorded_run(seen)
+            self._on_recorded_run(part)
 
 
 def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:

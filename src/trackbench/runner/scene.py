@@ -1,4 +1,4 @@
-"""One truth, what its sensors would measure of it without noise, and the bounds that follow from both."""
+"""A scene: one ground truth, the noise-free measurements of its sensors, and the bounds that follow from both."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from trackbench.sensing.scored_point import ScoredPoint, truth_of_point
 
 @dataclass(frozen=True)
 class Scene:
-    """One truth and what its sensors would read of it without noise."""
+    """One ground truth with the noise-free measurements of its sensors."""
 
     truth: Truth
     sensors: list[IdealSensor]
     each_measurement: bool = False
-    """Whether trackers are scored after each measurement, also where several are taken at one instant."""
+    """Whether trackers are scored after each scan, rather than once where several sensors measure at one instant."""
     point: ScoredPoint = "centre"
-    """The point of each body that estimates are compared with."""
+    """Point of each body that estimates are compared with."""
 
     @cached_property
     def scored(self) -> Truth:
-        """The motion that estimates are compared with."""
+        """Motion of the scored point of each body."""
         return truth_of_point(self.truth, self.point)
 
     def instants(self) -> Indices:
-        """Indices of the truth's steps at which any sensor takes a measurement; as often as trackers are scored."""
+        """Return the indices of the truth's steps at which trackers are scored: each step with a measurement."""
         if not self.sensors:
             return np.arange(len(self.truth.time))
         steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))
@@ -40,20 +40,20 @@ class Scene:
 
     @cached_property
     def information(self) -> dict[str, Information]:
-        """By sensor, what its measurements tell of the targets."""
+        """Fisher information of each sensor's measurements on the targets, by sensor."""
         return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
 
     @cached_property
     def bounds(self) -> dict[Hashable, ConditionalBound]:
-        """Bounds of the errors of trackers, by the sensors that they read and how their tracks start."""
+        """Cache of the bounds of trackers' errors, by the sensors that they read and how their tracks start."""
         return {}
 
     @property
     def unlabelled(self) -> list[str]:
-        """The sensors of whose detections nothing says of which object they are."""
+        """Names of the sensors with recorded detections that are not labelled with objects."""
         return [sensor.name for sensor in self.sensors if sensor.detections is not None]
 
     @cached_property
     def due(self) -> Due:
-        """Where identities are hidden, which objects should be tracked when."""
+        """Which objects are due, optional or absent at each instant; for hidden identities."""
         return find_due(self.truth, self.sensors)

@@ -1,4 +1,4 @@
-"""The estimates of one tracker of single objects: scored, and kept of the recorded run."""
+"""Scoring of a single-object tracker's estimates, with a copy of the recorded run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from trackbench.metrics import Scorer
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.protocol import Fault
-from trackbench.runner.filed_estimates import filed_estimates
+from trackbench.runner.external_estimates import external_estimates
 from trackbench.runner.recorded import ModeSums, OnRecordedRun, Outcome, RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
@@ -27,19 +27,19 @@ from trackbench.trackers.track_steps import TrackState
 if TYPE_CHECKING:
     from trackbench.runner.sequence_run import SequenceResult
 
-#: Errors that come of an array with fewer axes than expected.
+#: Starts of the messages of errors that arise from an array with too few axes.
 OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack")
 NO_ANSWER_YET = "does it follow several objects? Then write sensing: {identities: hidden}"
 
 
 class EstimateScoring:
-    """Scores what a tracker of single objects says, and keeps its recorded run and its modes.
+    """Scoring of a single-object tracker's estimates, which keeps the recorded run and sums of the modes.
 
     Args:
-        work: what all blocks share.
+        work: data shared by all blocks.
         piece: the runs of this block.
-        name: of the tracker.
-        targets: what trackers are held against.
+        name: name of the tracker.
+        targets: scoring targets of the block's trackers.
         observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
 
@@ -48,7 +48,7 @@ class EstimateScoring:
     ) -> None:
         self._work, self._measurements = work, targets.measurements
         config, scene = work.trackers[name], work.scenes[piece.scene]
-        self._name, self._piece, self._scene, self._kept = name, piece, scene, work.recorded_in(piece)
+        self._name, self._piece, self._scene, self._recorded_run = name, piece, scene, work.recorded_in(piece)
         self._target, self._observe = targets.of(config), observe
         self._scorer = Scorer(
             self._target,
@@ -64,9 +64,9 @@ class EstimateScoring:
         self._has_answered = False
         self._modes: ModeSums | None = None
         self._recorded: RecordedEstimates | None = None
-        if self._kept is not None:
+        if self._recorded_run is not None:
             counts = {sensor.name: len(sensor.steps) for sensor in scene.sensors if len(sensor.steps)}
-            self._recorded = RecordedEstimates.empty(self._target, self._kept, counts)
+            self._recorded = RecordedEstimates.empty(self._target, self._recorded_run, counts)
             taken = dict.fromkeys(counts, 0)
             self._of_sensor: list[int] = []
             for scan in targets.scans:
@@ -75,26 +75,26 @@ class EstimateScoring:
 
     @property
     def waits(self) -> bool:
-        """Whether something was taken in that is not scored yet."""
+        """Whether there are estimates that are not scored yet."""
         return self._scorer.waits
 
     @property
     def chunk(self) -> int:
-        """The number of instants that are scored together."""
+        """Number of instants that are scored together."""
         return self._scorer.chunk
 
     def take(self, step: DriveStep[Estimate | None], _: object = None) -> None:
-        """Score what the tracker says to a scan, and keep what the recorded run and the modes have of it.
+        """Score the answer to a scan; keep the estimates of the recorded run, and add the mode probabilities.
 
         Raises:
-            Fault: an estimate cannot be scored, or has more or fewer modes than those before.
+            Fault: the estimate cannot be scored, or the number of modes has changed.
         """
         self._has_answered = True
         self._scorer.take(step)
         latest = step.answer or self._scorer.no_estimate
-        members = self._members
+        recorded = self._recorded_members
         if step.number is not None and self._recorded is not None:
-            white = whitened_innovation(latest, members)
+            white = whitened_innovation(latest, recorded)
             if white is not None:
                 self._keep_nis(step.number, step.scan, white)
         if not step.last:
@@ -102,92 +102,88 @@ class EstimateScoring:
         if latest.mode_probabilities is not None:
             self._take_modes(step.instant, latest.mode_probabilities)
         if self._recorded is not None:
-            self._keep(step.instant, latest.mean[:, members], latest.covariance[:, :, members])
+            self._keep_recorded(step.instant, latest.mean[:, recorded], latest.covariance[:, :, recorded])
 
     def take_sequence(
         self, tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Delivery]], first: int
     ) -> tuple[TrackState, int] | None:
-        """Take the tracker through instants by one sequence of calls; return its state and how many instants these are.
+        """Take the tracker through instants by one sequence of kernel calls, and score its estimates.
 
         Args:
             tracker: the tracker.
-            state: its state before them.
-            instants: what it is given at each.
-            first: the number of the first.
+            state: state before the first instant.
+            instants: scans that the tracker is given at each instant.
+            first: index of the first instant.
 
         Returns:
-            None where they have to be taken step by step.
+            The state after the sequence and the number of its instants; None where steps have to be taken one by one.
         """
         from trackbench.runner.sequence_run import run_sequence
 
         scans = [[delivery.scan for delivery in group] for group in instants]
-        taken = run_sequence(tracker, state, scans, self._scorer, first, self._kept)
+        taken = run_sequence(tracker, state, scans, self._scorer, first, self._recorded_run)
         if taken is None:
             return None
         self._keep_sequence(taken, first, [delivery.number for group in instants for delivery in group])
         return taken.sequence.state(), taken.steps[-1].instant + 1
 
     def close(self) -> list[Outcome]:
-        """What the tracker left behind.
+        """Return the tracker's outcome in the block.
 
         Raises:
-            Fault: it gave no estimate where one was due.
-            InputError: estimates that were made elsewhere are not of these scans and objects.
+            Fault: the tracker gave no estimate at all, and some were due.
+            InputError: external estimates are of other scans or objects.
         """
-        if self._name in self._work.filed:
-            self._take_filed()
+        if self._name in self._work.external_tracks:
+            self._take_external()
         outcome = Outcome(self._scorer.close(), self._recorded, self._modes)
         if outcome.scores.due.sum() > 0 and not outcome.scores.given:
             raise Fault("it gave no estimate at all", len(self._target.time) - 1, None)
         return [outcome]
 
-    def _take_filed(self) -> None:
-        """Score the estimates of a file."""
-        mean, covariance = filed_estimates(self._work, self._piece, self._name, self._measurements)
-        given = deliveries(self._measurements.scans, [], self._scene.each_measurement)
-        for instant, group in enumerate(given):
+    def _take_external(self) -> None:
+        mean, covariance = external_estimates(self._work, self._piece, self._name, self._measurements)
+        groups = deliveries(self._measurements.scans, [], self._scene.each_measurement)
+        for instant, group in enumerate(groups):
             for place, delivery in enumerate(group):
                 estimate = Estimate(mean[:, instant].reshape(4, -1), covariance[:, :, instant].reshape(4, 4, -1))
                 self.take(DriveStep(instant, *delivery, estimate, math.nan, place == len(group) - 1))
 
     def failed(self, instant: int) -> None:
-        """Tell the observer that there are no estimates from an instant on."""
+        """Tell the observer that the tracker failed: it has no estimates from an instant on."""
         if self._observe is not None and self._recorded is not None:
             objects = self._recorded.mean.shape[-1]
             none = Gaussian(np.full((4, objects), np.nan), np.full((4, 4, objects), np.nan))
             self._observe(RecordedInstant(instant, {self._name: none}))
 
     def hint(self, fault: TrackFault) -> str:
-        """What an error at the first scan may come of; empty where nothing speaks for it."""
+        """Return the likely cause of an error at the first scan; empty where none is likely."""
         return "" if self._has_answered or not fault.cause.startswith(OF_SHAPES) else NO_ANSWER_YET
 
     def place(self, member: int) -> tuple[str | None, int]:
-        """The object, and the run counted from the first of the block, of a member of the batch."""
+        """Return the object and the run of a member of the batch; runs count from the first of the block."""
         object, run = divmod(member, len(self._piece.runs))
         return self._scene.truth.ids[object], run
 
     @property
-    def _members(self) -> slice:
-        """Those of the recorded run in the batch."""
-        return slice(self._kept, None, len(self._piece.runs))
+    def _recorded_members(self) -> slice:
+        return slice(self._recorded_run, None, len(self._piece.runs))
 
     def _keep_sequence(self, taken: SequenceResult, first: int, numbers: Sequence[int | None]) -> None:
-        """Keep what the recorded run and the modes have of a sequence; ``numbers``: of the scans of its steps."""
         for place, (step, number) in enumerate(zip(taken.steps, numbers, strict=False)):
             instant, probability = first + step.instant, taken.probability(place)
             if step.last and probability is not None:
                 self._take_modes(instant, probability)
             if taken.recorded is not None and step.last:
-                self._keep(instant, *taken.recorded.estimate(place))
+                self._keep_recorded(instant, *taken.recorded.estimate(place))
             if taken.recorded is not None and number is not None and step.reads:
                 self._keep_nis(number, step.scan, taken.recorded.whitened(place))
 
     def _take_modes(self, instant: int, probability: Array) -> None:
-        self._modes = self._modes or ModeSums(len(probability), self._target, self._kept)
+        self._modes = self._modes or ModeSums(len(probability), self._target, self._recorded_run)
         self._modes.take(instant, probability, self._target)
 
-    def _keep(self, instant: int, mean: Array, covariance: Array) -> None:
-        """What the recorded run has of estimates ``(4, objects)``."""
+    def _keep_recorded(self, instant: int, mean: Array, covariance: Array) -> None:
         assert self._recorded is not None
         alive = self._target.alive[instant]
         recorded = Gaussian(np.where(alive, mean, np.nan), np.where(alive, covariance, np.nan))
@@ -196,7 +192,6 @@ class EstimateScoring:
             self._observe(RecordedInstant(instant, {self._name: recorded}))
 
     def _keep_nis(self, number: int, scan: Scan, white: Array) -> None:
-        """What it has of the whitened innovations ``(m, objects)`` of a scan."""
         assert self._recorded is not None
-        nis = np.where(scan.valid[self._members], np.einsum("i...,i...->...", white, white), np.nan)
+        nis = np.where(scan.valid[self._recorded_members], np.einsum("i...,i...->...", white, white), np.nan)
         self._recorded.nis[scan.sensor][self._of_sensor[number]] = nis

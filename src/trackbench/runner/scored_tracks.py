@@ -1,4 +1,4 @@
-"""The tracks of one tracker of several objects with hidden identities: scored, and kept of the recorded run."""
+"""Scoring of a multi-object tracker's tracks with hidden identities."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trackbench.driving.drive import DriveStep
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.metrics.protocol import Fault
 from trackbench.metrics.traffic.scorer import SceneRuns, TrackScorer
-from trackbench.runner.filed_run import FiledHistories
+from trackbench.runner.external_run import ExternalHistories
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
@@ -22,14 +22,7 @@ NO_TRACKS_YET = "it gave no tracks; does it follow one object only? With hidden 
 
 
 class TrackScoring:
-    """Scores the tracks of a tracker, run by run, when it has taken all scans; those of a file at once.
-
-    Args:
-        work: what all blocks share.
-        pieces: the runs of each scene that it takes at once.
-        name: of the tracker.
-        measurements: of the runs of all pieces, one after the other.
-    """
+    """Scoring of a tracker's tracks, run by run, after its last scan; external tracks need no scans."""
 
     def __init__(self, work: Work, pieces: Sequence[BlockRuns], name: str, measurements: Measurements) -> None:
         self._work, self._name, self._piece, self._measurements = work, name, pieces[0], measurements
@@ -42,40 +35,40 @@ class TrackScoring:
         )
 
     def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
-        """Take in what the tracker says to a scan; ``predicted``: of a built-in one, the tracks of a run before it."""
+        """Add the answer to a scan; ``predicted`` returns a built-in tracker's predicted tracks in a run."""
         self._scorer.take(step, predicted)
 
     def close(self) -> list[Outcome]:
-        """What it left behind of each piece.
+        """Score all tracks, and return the tracker's outcome in each piece.
 
         Raises:
             Fault: a track of a built-in tracker, whose answers are not checked step by step, is not finite.
         """
-        if self._name in self._work.filed:
-            filed = FiledHistories(self._work, self._piece, self._name, self._measurements)
-            (scored,) = self._scorer.close(filed.of_run)
-            return [Outcome(*scored, offset=filed.offsets, filed=filed.counts)]
+        if self._name in self._work.external_tracks:
+            histories = ExternalHistories(self._work, self._piece, self._name, self._measurements)
+            (scored,) = self._scorer.close(histories.of_run)
+            return [Outcome(*scored, offset=histories.offsets, external_rows=histories.counts)]
         for instant, tracks in enumerate(self._scorer.tracks_at):
-            there = tracks.ids != NO_TRACK
+            exists = tracks.ids != NO_TRACK
             total = tracks.mean.sum(axis=0) + tracks.covariance.sum(axis=(0, 1))
-            if not np.isfinite(total[there]).all():
+            if not np.isfinite(total[exists]).all():
                 try:
-                    require_covariances(tracks.ids[there], tracks.mean[:, there], tracks.covariance[:, :, there])
+                    require_covariances(tracks.ids[exists], tracks.mean[:, exists], tracks.covariance[:, :, exists])
                 except TrackerFault as error:
                     raise Fault(fault_of(error).cause, instant, None) from error
         return [Outcome(*scored) for scored in self._scorer.close()]
 
     def hint(self, fault: TrackFault) -> str:
-        """What an error before the first track may come of; empty where nothing speaks for it."""
+        """Return the likely cause of an error before the first track; empty where none is likely."""
         none_yet = not any(len(tracks.ids) for tracks in self._scorer.tracks_at)
         return NO_TRACKS_YET if none_yet and fault.kind == "raised" else ""
 
     def place(self, member: int) -> tuple[None, int]:
-        """No object, and the run that a member of the batch is."""
+        """Return no object, and the run, of a member of the batch."""
         return None, member
 
     def _stretches(self) -> tuple[list[int], list[int]]:
-        """The instants before which the stretches of a log end, and the numbers of those that count."""
+        """Return the instants before which each stretch of a cut log ends, and the numbers of the scored stretches."""
         if not self._work.stretches:
             return [], []
         number = stretch_of(self._time, self._work.stretches)

@@ -1,4 +1,4 @@
-"""The second drive of plug-ins through some runs, with other members beside each."""
+"""Second drive of a plug-in through some runs: its answers on a member must not depend on the other members."""
 
 from __future__ import annotations
 
@@ -15,20 +15,14 @@ from trackbench.runner.batches import Batch
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import is_random
 
-#: Number of runs through which a tracker is driven again that is not batched.
+#: Number of runs of the second drive of a tracker that is not batched.
 RUNS = 2
 
 
-def asked_again(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
-    """Wrap a plug-in so that it is asked again; return other trackers, and those that draw random numbers, unchanged.
+def with_second_drive(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
+    """Wrap a plug-in so that a second drive checks it; return built-in and random trackers unchanged.
 
-    A batched one gets half of the batch, permuted; any other two runs in reverse order.
-
-    Args:
-        work: what all blocks share.
-        batch: runs of one scene.
-        name: of the tracker.
-        tracker: started for the batch.
+    In the second drive a batched tracker gets half of the batch, permuted; any other gets two runs in reverse order.
     """
     config, (piece,) = work.driven(name), batch.pieces
     if not plugged_in(config) or is_random(tracker):
@@ -41,6 +35,6 @@ def asked_again(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
         chosen = np.sort(random.permutation(runs)[:RUNS])
         # Members are numbered by object, then run.
         order = np.concatenate([np.arange(0, batch.members, runs) + run for run in chosen])[::-1]
-    options = work.isolation, batch.several, work.sensors
-    start = partial(start_stepper, config, work.folder, len(order), work.prepared, *options)
+    options = work.isolation, batch.multi_object, work.sensors
+    start = partial(start_stepper, config, work.folder, len(order), work.prepare_tracker, *options)
     return CrossCheckedTracker(tracker, start, order)

@@ -1,4 +1,4 @@
-"""Take a built-in tracker of single objects through many scans by one sequence of calls, and score it."""
+"""Run a built-in single-object tracker through many scans by one sequence of kernel calls, and score it."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from trackbench.runner.filter_sequence import FilterSequence, SequenceStep, filt
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.track_steps import TrackState, where_tracked
 
-#: Instants from which on a sequence is worth the making.
-LEAST = 4
+#: Smallest number of instants for which a sequence is faster than single steps.
+LEAST_INSTANTS = 4
 
 
 class RecordedSequence(NamedTuple):
-    """The estimates and innovations of one run at all steps."""
+    """Estimates and innovations of the recorded run at all steps, computed beside its neighbour runs."""
 
     sequence: FilterSequence
     white: Array
-    """``(steps, m, objects, runs)`` whitened innovations, zeros behind those of fewer components."""
+    """``(steps, m, objects, runs)`` whitened innovations, filled up with zeros where a sensor has fewer components."""
     member: int
-    """Which of its runs it is."""
+    """Index of the recorded run among the runs of the sequence."""
     started: Mask
-    """``(objects,)`` where there is a track."""
+    """``(objects,)`` True where there is a track."""
 
     def estimate(self, number: int) -> tuple[Array, Array]:
-        """Mean ``(4, objects)`` and covariance after a step, NaN where there is no track."""
+        """Return mean ``(4, objects)`` and covariance after a step, NaN where there is no track."""
         slots = self.sequence.cartesian[number]
         runs = self.sequence.shape[1]
         mean, covariance = (np.where(self.started, slot.value[..., self.member :: runs], np.nan) for slot in slots)
         return mean, covariance
 
     def whitened(self, number: int) -> Array:
-        """``(m, objects)`` whitened innovations of a step."""
+        """Return the whitened innovations ``(m, objects)`` of a step."""
         return self.white[number, ..., self.member]
 
 
 class SequenceResult(NamedTuple):
-    """What a tracker made of a sequence of steps, all of which are scored."""
+    """Result of a sequence of steps, which are all scored."""
 
     steps: Sequence[SequenceStep]
     sequence: FilterSequence
@@ -54,7 +54,7 @@ class SequenceResult(NamedTuple):
     recorded: RecordedSequence | None
 
     def probability(self, number: int) -> Array | None:
-        """``(M, batch)`` mode probabilities after a step, NaN where there is no track; None without modes."""
+        """Return mode probabilities ``(M, batch)`` after a step, NaN where there is no track; None without modes."""
         probability = self.sequence.probability(number)
         return None if probability is None else where_tracked(self.started, probability)
 
@@ -67,23 +67,24 @@ def run_sequence(
     first: int,
     recorded: int | None,
 ) -> SequenceResult | None:
-    """Take a tracker through instants by one sequence of calls, and score it.
+    """Take a tracker through instants by one sequence of kernel calls, and score it.
 
     Args:
         tracker: the tracker.
-        state: its state before them.
-        instants: the scans of each.
-        scorer: scores it; nothing waits there.
-        first: number of the first instant.
-        recorded: the run whose estimates are kept, if any.
+        state: state before the first instant.
+        instants: scans of each instant.
+        scorer: scorer of the tracker, with no estimate waiting.
+        first: index of the first instant.
+        recorded: run whose estimates are kept; None for no run.
 
     Returns:
-        None where they have to be taken step by step.
+        The result; None where the steps have to be taken one by one.
     """
-    by, objects, runs = scorer.kernels, *scorer.shape
-    steps = filter_steps(tracker, state, instants) if by and isinstance(tracker.computed_filter, FusedFilter) else []
-    here = slice(first, first + (steps[-1].instant + 1 if steps else 0))
-    if by is None or here.stop - first < LEAST or not scorer.has_all(state.started, here):
+    kernel_set, objects, runs = scorer.kernels, *scorer.shape
+    is_fused = kernel_set and isinstance(tracker.computed_filter, FusedFilter)
+    steps = filter_steps(tracker, state, instants) if is_fused else []
+    span = slice(first, first + (steps[-1].instant + 1 if steps else 0))
+    if kernel_set is None or span.stop - first < LEAST_INSTANTS or not scorer.has_all(state.started, span):
         return None
     rows: dict[str, list[int]] = {}
     for number, step in enumerate(steps):
@@ -91,8 +92,8 @@ def run_sequence(
             rows.setdefault(step.scan.sensor, []).append(number)
     if not all(scorer.innovations(sensor).known for sensor in rows):
         return None
-    sequence, scores = FilterSequence(tracker, state, steps, (objects, runs)), scorer.sequence(here)
-    calls, white = CallSequence(by, objects, runs, sequence.length), np.zeros(len(steps), dtype=np.int64)
+    sequence, scores = FilterSequence(tracker, state, steps, (objects, runs)), scorer.sequence(span)
+    calls, white = CallSequence(kernel_set, objects, runs, sequence.length), np.zeros(len(steps), dtype=np.int64)
     sums: dict[str, InnovationSequence] = {}
     for sensor, numbers in rows.items():
         latest = scorer.innovations(sensor).latest()
@@ -112,14 +113,14 @@ def run_sequence(
     ):
         return None
     seconds = time.perf_counter() - begin
-    for sensor, own in sums.items():
-        scorer.innovations(sensor).take_sums(own.per_step, own.per_run, *own.latest)
-    nobody = np.zeros(objects * runs, dtype=bool)
+    for sensor, summed in sums.items():
+        scorer.innovations(sensor).take_sums(summed.per_step, summed.per_run, *summed.latest)
+    no_member = np.zeros(objects * runs, dtype=bool)
     for step in steps:
         if not step.reads and not step.scan.asked:
-            scorer.innovations(step.scan.sensor).add(None, nobody, nobody)
-    spent = seconds, len(steps) * len(state.started)
-    scorer.take_sequence(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started, spent)
+            scorer.innovations(step.scan.sensor).add(None, no_member, no_member)
+    step_time = seconds, len(steps) * len(state.started)
+    scorer.take_sequence(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started, step_time)
     of_recorded = None if recorded is None else _recorded(tracker, state, steps, (objects, runs), recorded)
     return SequenceResult(steps, sequence, state.started, of_recorded)
 
@@ -127,7 +128,7 @@ def run_sequence(
 def _recorded(
     tracker: FilterTracker, state: TrackState, steps: Sequence[SequenceStep], shape: tuple[int, int], run: int
 ) -> RecordedSequence:
-    """The same steps of a run and as many beside it as make a vector, of which all estimates are kept."""
+    """Repeat the steps for the recorded run and its neighbours, as many as fill a vector, and keep all estimates."""
     first = min(run, shape[1] - WIDTH)
     sequence = FilterSequence(tracker, state, steps, shape, range(first, first + WIDTH))
     calls = CallSequence(kernels(), *sequence.shape, sequence.length)

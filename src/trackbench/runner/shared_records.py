@@ -1,4 +1,4 @@
-"""The records of tables that every run has: the motion, the roads, and what a scan or a run is known by."""
+"""Records of the tables that every run has (motion, roads), and the keys that records of scans and runs share."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.recorded import RecordedScans
 from trackbench.runner.work import Work
 
-#: By table, the records that it is made of.
+#: Records of each table, by name of the table.
 Records = dict[str, list[Record]]
 
 
 class FinishedRun(NamedTuple):
-    """A finished run, from which its tables are made."""
+    """Finished run, from which its tables are made."""
 
     work: Work
     blocks: Sequence[Block]
@@ -29,10 +29,10 @@ class FinishedRun(NamedTuple):
     scans: RecordedScans
     """Scans of the recorded run."""
     recorded: Mapping[str, Any]
-    """Estimates or tracks of the recorded run, by tracker that has not failed."""
+    """Estimates or tracks of the recorded run, by name of each tracker that has not failed."""
 
 
-#: Columns of the motion by the name of its field.
+#: Column of each field of a truth's motion.
 _MOTION = {
     "px": "px_m",
     "py": "py_m",
@@ -47,8 +47,8 @@ _MOTION = {
 
 
 def truth_records(truth: Truth, run: int) -> list[Record]:
-    """The motion of every target and of the observer in one run."""
-    # Some are computed, of all objects at once.
+    """Return a record of the motion of every target, and of the observer, in one run."""
+    # Some fields are computed at each access, for all objects at once.
     fields = {name: of_runs(getattr(truth, field), range(run, run + 1))[..., 0] for field, name in _MOTION.items()}
     records: list[Record] = [
         {
@@ -83,7 +83,7 @@ def truth_records(truth: Truth, run: int) -> list[Record]:
 
 
 def other_truth(work: Work) -> Records:
-    """The motion in the other scenes, in the run of the recorded run's number; no table where there is one scene."""
+    """Return the motion in the scenes beside the recorded one, in the run of the same number; empty for one scene."""
     records: list[Record] = [
         {**record, "scene": float(number)}
         for number, scene in enumerate(work.scenes)
@@ -94,7 +94,7 @@ def other_truth(work: Work) -> Records:
 
 
 def road_records(truth: Truth) -> list[Record]:
-    """Lane edges to draw."""
+    """Return a record of each lane edge."""
     lines = truth.roads or [np.zeros((0, 2))]
     return [{"line": float(i), "x_m": line[:, 0], "y_m": line[:, 1]} for i, line in enumerate(lines)]
 
@@ -105,7 +105,7 @@ def run_keys(name: str, work: Work) -> Record:
 
 
 def scan_record(scan: Scan) -> dict[str, Any]:
-    """A scan with the position in the fixed frame that each of its measurements ``(m, rows)`` states."""
+    """Return a scan's measurements ``(m, rows)``, and the position in the fixed frame that each of them states."""
     return {
         "sensor": scan.sensor,
         "kind": scan.kind,

@@ -1,4 +1,4 @@
-"""The tables of a result."""
+"""Tables of a result, made from the blocks of its run."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def result_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
 
 
 def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
-    """``(runs,)`` in the unit of the metric, NaN in a run without a value; None where runs do not tell it.
+    """Return a metric's value in each run, ``(runs,)``, NaN in a run without one; None if it has no values by run.
 
     Args:
         metric: the metric.
-        sums: of all runs, merged.
-        runs: how many there are.
+        sums: merged sums of all runs.
+        runs: number of runs.
     """
     if not metric.columns:
         return None

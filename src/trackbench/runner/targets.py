@@ -1,4 +1,4 @@
-"""What the trackers of a block of runs are held against."""
+"""Scoring targets of the trackers in a block of runs: true states, where they are scored, and error bounds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from trackbench.trackers.config import FilterConfig
 
 
 class Targets:
-    """The target of each tracker; its parts are computed once for all trackers that share them."""
+    """Scoring targets of the trackers in a block; parts that trackers share are computed once."""
 
     def __init__(self, work: Work, piece: BlockRuns, measurements: Measurements) -> None:
         self._work, self._piece = work, piece
@@ -44,7 +44,7 @@ class Targets:
         }
         placing = {s.name for s in self._scene.sensors if s.config.measures_position()}
         self._placing = placing or {*self._valid}
-        """Names of the sensors that measure a position; all where none does."""
+        """Names of the sensors that measure a position; names of all sensors where none does."""
         self._arrival = {
             name: np.array([scan.arrival_time for scan in measurements.scans if scan.sensor == name])
             for name in self._valid
@@ -52,13 +52,13 @@ class Targets:
         self._order = {name: np.argsort(arrival, kind="stable") for name, arrival in self._arrival.items()}
         self.measurements, self.scans = measurements, measurements.scans
         self.due, self.starting = self._where_due(shape)
-        """``(instants, objects, runs)``"""
+        """``(instants, objects, runs)`` True where an estimate is scored, and in the first second after a detection."""
         self._measured: dict[frozenset[str], tuple[Iterator[Array], list[Array]]] = {}
         self._conditions: dict[frozenset[str], Classes] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
     def of(self, tracker: TrackerEntry) -> Target:
-        """What a tracker is held against."""
+        """Return the scoring target of a tracker."""
         case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._motion.velocity_sigma)
         if case not in self._references:
             self._references[case] = self._reference(*case)
@@ -66,22 +66,23 @@ class Targets:
             self._time, self.state, self._alive, self.due, self.starting, self._work.divergence, self._references[case]
         )
 
-    def measured(self, tracker: TrackerEntry, here: slice) -> Array:
-        """Return the ``measured_positions`` of :mod:`trackbench.metrics.missing_estimates` at some instants.
+    def measured(self, tracker: TrackerEntry, instants: slice) -> Array:
+        """Return the positions that a tracker's sensors measured, ``(2, instants, batch)`` in m, at some instants.
 
-        Nothing is computed of those after them: most estimates that are missing are at the start.
+        See :func:`trackbench.metrics.missing_estimates.measured_positions`. Later instants are not computed, since most
+        missing estimates are at the start.
         """
         sensors = frozenset(tracker.sensors_used or self._valid)
         if sensors not in self._measured:
             options = tracker.sensors_used, self._scene.each_measurement
             position = partial(_position, self.scans, self._placing)
             self._measured[sensors] = measured_positions(self.scans, position, *options), []
-        coming, positions = self._measured[sensors]
-        positions.extend(islice(coming, max(0, here.stop - len(positions))))
-        return np.stack(positions[here], axis=1)
+        remaining, positions = self._measured[sensors]
+        positions.extend(islice(remaining, max(0, instants.stop - len(positions))))
+        return np.stack(positions[instants], axis=1)
 
     def conditions(self, tracker: TrackerEntry) -> Classes:
-        """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
+        """Return the condition of each object, ``(instants, objects, runs or 1)``, by the sensors of the tracker."""
         sensors = frozenset(self._valid if tracker.sensors is None else tracker.sensors)
         if sensors not in self._conditions:
             read = [sensor for sensor in self._scene.sensors if sensor.name in sensors]
@@ -90,34 +91,33 @@ class Targets:
         return self._conditions[sensors]
 
     def _where_due(self, shape: tuple[int, int]) -> tuple[Mask, Mask]:
-        """``(instants, objects, runs)`` where estimates count, and the first second after a detection.
+        """Return where estimates are scored, and where it is the first second after a detection.
 
-        The same for all trackers, so that what one does not read is no excuse. A detection without a position does not
-        make an estimate due, unless no sensor measures one.
-
-        An object that was out of view for long counts as a new one: from when it is detected again.
+        Both are ``(instants, objects, runs)`` and equal for all trackers, whichever sensors they read. An estimate is
+        due from the first detection with a position; with any detection if no sensor measures positions. An object that
+        was out of view for long is due again from its next detection on.
         """
         runs, scene = self._piece.runs, self._scene
-        seen = [(sensor, of_runs(sensor.in_view, runs)) for sensor in scene.sensors]
-        lost = out_of_view(scene.truth.time, scene.instants(), seen) > self._work.lost_after
+        views = [(sensor, of_runs(sensor.in_view, runs)) for sensor in scene.sensors]
+        lost = out_of_view(scene.truth.time, scene.instants(), views) > self._work.lost_after
         last_lost = np.maximum.accumulate(np.where(lost, self._time[:, None, None], -np.inf), axis=0)
-        latest = {name: _latest(valid[self._order[name]]) for name, valid in self._valid.items()}
+        latest = {name: _latest_detection(valid[self._order[name]]) for name, valid in self._valid.items()}
         before = self._arrived(last_lost)
 
-        def since(numbers: Mapping[str, Indices]) -> Mask:
-            """Whether one of the first so many scans of a sensor, by instant, detected an object that was lost."""
+        def detected_within(numbers: Mapping[str, Indices]) -> Mask:
+            """Return where a sensor's first ``numbers`` scans have a detection since the object was last lost."""
             detected = np.zeros((len(self._time), *shape), dtype=bool)
             for name in self._placing:
                 detected |= latest[name][numbers[name]] > before[name].astype(latest[name].dtype)
             return detected
 
-        seen_for = {age: since(self._arrived(self._time - age)) for age in {self._work.settle, FIRST} - {0.0}}
-        seen_for[0.0] = since(self._delivered())
+        seen_for = {age: detected_within(self._arrived(self._time - age)) for age in {self._work.settle, FIRST} - {0.0}}
+        seen_for[0.0] = detected_within(self._delivered())
         in_view = self._alive[:, :, None] & ~lost
         return in_view & seen_for[self._work.settle], in_view & seen_for[0.0] & ~seen_for[FIRST]
 
     def _delivered(self) -> dict[str, Indices]:
-        """By sensor ``(instants,)`` how many of its scans a tracker can have been given."""
+        """Return the number of scans ``(instants,)`` that a tracker had been given by each instant, by sensor."""
         number = {name: np.zeros(len(self._time), dtype=np.intp) for name in self._valid}
         for instant, group in enumerate(deliveries(self.scans, each_measurement=self._scene.each_measurement)):
             for delivery in group:
@@ -126,15 +126,15 @@ class Targets:
         return {name: np.cumsum(of_sensor) for name, of_sensor in number.items()}
 
     def _arrived(self, until: Array) -> dict[str, Indices]:
-        """By sensor, how many of its scans had arrived by some times."""
+        """Return the number of scans that had arrived by some times, by sensor."""
         arrival = {name: self._arrival[name][order] for name, order in self._order.items()}
         return {name: np.searchsorted(times, until + SAME_TIME, side="right") for name, times in arrival.items()}
 
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
-        """Zero before anything is known, where no estimate is scored."""
+        """Return the bound or reference of the errors; zero before the first information, where nothing is scored."""
         scene, work = self._scene, self._work
         if scene.point != "centre":
-            # The bound is of the point that is measured.
+            # The bound holds for the measured point only.
             return np.zeros((2, len(self._time), 1, 1))
         steps, number = np.unique(scene.instants(), return_inverse=True)
         case = sensors, start
@@ -151,9 +151,11 @@ class Targets:
         return bound if np.array_equal(number, np.arange(len(steps))) else bound[:, number]
 
 
-def _latest(valid: Mask) -> Indices:
-    """``(scans + 1, objects, runs)`` of the first so many scans the number of the latest that detected an object, from
-    1; 0: none did."""
+def _latest_detection(valid: Mask) -> Indices:
+    """Return which of the first 0, 1, 2, ... scans was the latest to detect an object: ``(scans + 1, objects, runs)``.
+
+    Scans count from 1; 0 means that none did.
+    """
     kind = np.min_scalar_type(-len(valid) - 1)
     latest = np.zeros((len(valid) + 1, *valid.shape[1:]), dtype=kind)
     for number, detected in enumerate(valid, 1):
@@ -162,7 +164,7 @@ def _latest(valid: Mask) -> Indices:
 
 
 def _position(scans: Sequence[Scan], placing: Collection[str], number: int) -> Array:
-    """``(2, batch)`` m that a scan states; where no sensor measures a position, that of the sensor."""
+    """Return the positions ``(2, batch)`` that a scan states, m; the sensor's own where no sensor measures any."""
     scan = scans[number]
     if scan.sensor in placing and not SENSOR_MODELS[scan.kind].measures_position():
         return np.broadcast_to(scan.sensor_pose[:2, None], (2, scan.valid.size))

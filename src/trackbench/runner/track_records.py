@@ -1,4 +1,4 @@
-"""The records that the tables of a result with hidden identities are made of."""
+"""Records of the tables of a result with hidden identities."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi.association import gate_threshold
 
-#: Points of the outline of a gate, of which the last is the first.
+#: Number of points of a gate's outline; the last point equals the first.
 CORNERS = 17
 _GOSPA_COLUMNS = ("gospa_m", "gospa_localisation_m", "gospa_missed_m", "gospa_false_m")
 
 
 def records_of_tracks(run: FinishedRun) -> Records:
-    """Return the records of tables of a run with hidden identities."""
+    """Return the records of each table of a run with hidden identities."""
     work, blocks, evaluated, scans, recorded = run
     scene = work.scenes[work.recorded_scene]
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
@@ -52,17 +52,17 @@ def records_of_tracks(run: FinishedRun) -> Records:
     }
 
 
-def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Array:
-    """``(2, K, CORNERS)`` x and y, m: the edge of each gate over the first two components of a measurement.
+def gate_outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Array:
+    """Return the edge of each gate over a measurement's first two components: x and y ``(2, K, CORNERS)``, m.
 
-    The sensor's equation is linearised at the track. A gate is an ellipsoid, and its shadow on two components is the
-    ellipse of their covariance with the same threshold. NaN of a sensor that measures no position.
+    The measurement equation is linearised at the track. A gate is an ellipsoid; its projection on two components is the
+    ellipse of their covariance with the same threshold. NaN for a sensor that measures no position.
 
     Args:
-        scan: of the sensor, whose pose may be ``(3, K)`` and velocity ``(2, K)``.
+        scan: scan of the sensor; its pose may be ``(3, K)`` and its velocity ``(2, K)``.
         mean: ``(4, K)`` of the predicted tracks.
-        covariance: ``(4, 4, K)``.
-        threshold: of the squared Mahalanobis distance.
+        covariance: ``(4, 4, K)`` of the predicted tracks.
+        threshold: largest squared Mahalanobis distance in the gate.
     """
     model = SENSOR_MODELS[scan.kind]
     if not model.measures_position():
@@ -83,11 +83,11 @@ def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Ar
 
 
 def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices]) -> list[Record]:
-    """Every detection of the recorded run, with what caused it, which no tracker knows.
+    """Return a record of each scan's detections, with the object that caused each one.
 
-    Without a truth the cause is unknown, and there is the number of the sensor's own track.
+    Without a truth the cause is unknown; the record then has the number of the sensor's own track.
     """
-    # The last one is also that of -1, which is the origin of a false alarm.
+    # A false alarm has the origin -1: the last name.
     names = [*truth.ids, FALSE_ALARM]
     return [
         {
@@ -113,23 +113,23 @@ def _gospa_record(name: str, blocks: Sequence[Timeline], time: Array) -> Record:
 
 
 def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Record]:
-    """The total and the count of each metric in each run, for paired comparisons."""
+    """Return the total and the count of each metric in each run, for paired comparisons."""
     built_in = TRACK_METRICS | DETECTION_METRICS
     paths = dict.fromkeys(path for item in evaluations.values() for path in item.intervals)
-    own_columns = dict.fromkeys(column for item in evaluations.values() for column in item.run_columns)
+    plugin_columns = dict.fromkeys(column for item in evaluations.values() for column in item.run_columns)
     records: list[Record] = []
     for name, evaluation in evaluations.items():
         record = {**run_keys(name, work), "count": 1.0}
         for path in (path for path in paths if path in built_in):
             record |= zip(built_in[path].columns, run_sums(evaluation.sums[TRACKS.name], path), strict=True)
         missing = np.full(len(work.scene_of_run), np.nan)
-        record |= {column: evaluation.run_columns.get(column, missing) for column in own_columns}
+        record |= {column: evaluation.run_columns.get(column, missing) for column in plugin_columns}
         records.append(record)
     return records
 
 
 def _other_tracks(work: Work, blocks: Sequence[Block], names: Iterable[str]) -> list[Record]:
-    """The tracks of the recorded run's number in the other scenes, in the order of the scenes."""
+    """Return the tracks in the scenes beside the recorded one, in the run of the same number."""
     records: list[Record] = []
     for block in (block for block in blocks if block.piece.scene != work.recorded_scene):
         scene = work.scenes[block.piece.scene]
@@ -154,7 +154,7 @@ def _tracks_record(name: str, recorded: RecordedTracks, time: Array) -> Record:
 
 
 def _taken_record(name: str, recorded: RecordedTracks, scans: Sequence[Scan]) -> Record:
-    """The detection that each track took in each scan."""
+    """Return the detection that updated each track in each scan."""
     rows = recorded.taken
     assert rows is not None
     numbers = dict(zip(("scan", "track", "detection"), rows.T.astype(float), strict=True))
@@ -162,7 +162,7 @@ def _taken_record(name: str, recorded: RecordedTracks, scans: Sequence[Scan]) ->
 
 
 def _gate_records(work: Work, name: str, recorded: RecordedTracks, scans: Sequence[Scan]) -> list[Record]:
-    """The outlines of the gates of a built-in tracker, each point a row."""
+    """Return the outlines of a built-in tracker's gates, with a row for each point."""
     config = work.trackers[name]
     if not isinstance(config, FilterConfig) or config.associate is None or config.associate.method == "oracle":
         return []
@@ -179,17 +179,17 @@ def _gate_records(work: Work, name: str, recorded: RecordedTracks, scans: Sequen
     sensor, time = np.array([scan.sensor for scan in scans])[number], np.array([scan.time for scan in scans])[number]
     edges = np.empty((2, len(number), CORNERS))
     for scan in {scan.sensor: scan for scan in scans}.values():
-        own = np.flatnonzero(sensor == scan.sensor)
+        of_sensor = np.flatnonzero(sensor == scan.sensor)
         threshold = gate_threshold(config.associate.gate, len(scan.measurement))
-        scan = scan._replace(sensor_pose=pose[:, own], sensor_velocity=velocity[:, own])
-        edges[:, own] = outlines(scan, mean[:, own], covariance[..., own], threshold)
+        scan = scan._replace(sensor_pose=pose[:, of_sensor], sensor_velocity=velocity[:, of_sensor])
+        edges[:, of_sensor] = gate_outlines(scan, mean[:, of_sensor], covariance[..., of_sensor], threshold)
     keys = {"time_s": time, "scan": number.astype(float), "track": ids.astype(float)}
     points = {key: np.repeat(values, CORNERS) for key, values in keys.items()}
     return [{"tracker": name, **points, "x_m": edges[0].ravel(), "y_m": edges[1].ravel()}]
 
 
 def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
-    """All events of the recorded run, and those of the others: of more than ``MOST_EVENTS`` the dearest."""
+    """Return all events of the recorded run, and of the other runs the ``MOST_EVENTS`` with the highest costs."""
     recorded = work.number(work.recorded_scene, work.recorded_run)
     rows = dearest([event for block in blocks for event in block.events], recorded)
     ids = [work.scenes[scene // max(work.stretches, 1)].truth.ids for scene in work.scene_of_run]
@@ -221,7 +221,7 @@ def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
 
 
 def _stretch_records(name: str, blocks: Sequence[Timeline], ids: Sequence[str], time: Array) -> list[Record]:
-    """What each object's time was spent on in the recorded run, stretch by stretch."""
+    """Return the states of each object over time in the recorded run: tracked, missed and so on, with their ends."""
     until = np.append(time[1:], 2 * time[-1] - time[-2] if len(time) > 1 else time[-1])
     strips = next(block.strips for block in blocks if block.strips is not None)
     records: list[Record] = []

@@ -1,4 +1,4 @@
-"""The entry of one tracker in a result."""
+"""Entry of one tracker in a result."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.results import FiledRows, Health, TrackerResult
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.filed_frames import remarks_on_files
-from trackbench.runner.filed_run import offset_of
+from trackbench.runner.external_frames import remarks_on_files
+from trackbench.runner.external_run import offset_of
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import Work
 from trackbench.scenario.keys import TrackerEntry
@@ -32,8 +32,8 @@ from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
 
-def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, **stated: Any) -> TrackerResult:
-    """The entry of one tracker, with what else is ``stated`` of it."""
+def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, **fields: Any) -> TrackerResult:
+    """Return the entry of one tracker; ``fields`` are further fields of the entry."""
     config, failure = work.trackers[name], scores.failures.get(name)
     associate = getattr(config, "associate", None)
     entry = {
@@ -44,10 +44,10 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
         "sensors": config.sensors_used,
         "confirmation": None if associate is None else associate.confirmation,
         "smoother": getattr(config, "smoother", None),
-        "offline": name in work.filed,
+        "offline": name in work.external_tracks,
         "paired": name not in work.unpaired,
         "engine": None if engine is None else engine.engine,
-        **stated,
+        **fields,
         "failed": failure,
     }
     if failure is not None:
@@ -66,26 +66,27 @@ def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed |
             for path, metric in evaluation.values.items()
         }
         return TrackerResult(**entry, health=health(scores.scores[name]), conditions=conditions)
-    if name in work.filed:
+    if name in work.external_tracks:
         pairs = [block.offset for block in scores.outcomes[name] if block.offset is not None]
         offset = offset_of(np.concatenate(pairs, axis=1))
         entry |= {"time_offset": offset.time, "offset_shown": offset.shown}
         remarks = remarks_on_files(work, name, evaluation.values["matched_share"].value or 0.0)
-        entry["filed"] = _rows_taken(work.filed[name], scores.outcomes[name], remarks)
+        entry["filed"] = _external_rows(work.external_tracks[name], scores.outcomes[name], remarks)
     reused = sum(block.timeline.reused_ids for block in scores.outcomes[name])
     return TrackerResult(**entry, health=Health(reused_ids=reused))
 
 
-def _rows_taken(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: tuple[str, ...]) -> FiledRows:
-    read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
+def _external_rows(files: Sequence[TrackRows], blocks: Sequence[Outcome], remarks: tuple[str, ...]) -> FiledRows:
+    counts = [block.external_rows for block in blocks if block.external_rows is not None]
+    read, inside, silent = np.sum(counts, axis=0).tolist()
     total = sum(map(len, files))
-    # Scenes of one file without runs share its rows.
-    outside = (read if any(rows.run is not None for rows in files) else total) - there
+    # Without a column run, all scenes of one file share its rows.
+    outside = (read if any(rows.run is not None for rows in files) else total) - inside
     return FiledRows(rows=total, outside=max(outside, 0), silent_runs=silent, remarks=remarks)
 
 
 def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
-    """``(runs,)`` sums of what trackers are ranked by, squared, and the number of terms in each."""
+    """Return the sums ``(runs,)`` of the squared metric that ranks trackers, and their numbers of terms."""
     if TRACKS.name in evaluation.sums:
         total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
         return total, count
@@ -94,7 +95,7 @@ def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
 
 
 def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
-    """A tracker in a few words; ``late``: names of the sensors whose scans are."""
+    """Describe a tracker in a few words; ``late``: names of the sensors whose scans arrive late."""
     if isinstance(tracker, TracksConfig):
         moved = f", time offset {tracker.time_offset_s:g} s" if tracker.time_offset_s else ""
         files = files_in(tracker.path)
@@ -119,18 +120,18 @@ def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
 
 
 def _initial(tracker: FilterConfig) -> str:
-    """How its tracks start: "initial: two_measurements with skip 3"; empty where it is as unless given."""
-    initial, usual = tracker.initial, InitialConfig()
-    other = {name: value for name, value in initial if value != getattr(usual, name)}
-    if not other:
+    """Say how tracks start: "initial: two_measurements with skip 3"; empty for the default."""
+    initial, default = tracker.initial, InitialConfig()
+    changed = {name: value for name, value in initial if value != getattr(default, name)}
+    if not changed:
         return ""
-    other.pop("source", None)
-    words = [_option(name, value) for name, value in other.items()]
+    changed.pop("source", None)
+    words = [_option(name, value) for name, value in changed.items()]
     return f"initial: {initial.source}" + (f" with {' and '.join(words)}" if words else "")
 
 
 def _late(tracker: FilterConfig, late: Collection[str]) -> str:
-    """What becomes of late scans: "late: replay"; empty where there are none."""
+    """Say how late scans are processed: "late: replay"; empty where there are none."""
     read = late if tracker.sensors_used is None else set(late) & set(tracker.sensors_used)
     if not read or tracker.smoother is not None:
         return ""

@@ -1,4 +1,4 @@
-"""One tracker's way through the measurements of a block of runs: what it is given, and what its answers are worth."""
+"""Drive of one tracker through the measurements of a batch: arguments of its steps, scoring of its answers."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from trackbench.results import Failure
 from trackbench.runner.batches import Batch
 from trackbench.runner.recorded import OnRecordedRun, Outcome
 from trackbench.runner.scored_estimates import EstimateScoring
-from trackbench.runner.second_drive import asked_again
+from trackbench.runner.second_drive import with_second_drive
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.filtered import FilterTracker
 
-#: Instants that are taken by one sequence of calls, at most.
+#: Largest number of instants in one sequence of kernel calls.
 INSTANTS = 64
 
 
 class TrackerRun:
-    """A tracker of a block of runs.
+    """Drive of one tracker through the runs of a batch.
 
-    It is a context: inside, iterating gives the arguments of each step beside the state, and ``take`` gets the answer.
-    What the tracker raises ends the context, and is kept as ``failure``; what a metric raises is passed on. Tracks that
-    were made elsewhere are not driven, and scored at the end.
+    Inside its context, iteration yields the arguments of each step beside the state, and ``take`` scores the answer.
+    An error of the tracker ends the context and is kept as ``failure``; an error of a metric is raised. External tracks
+    take no steps, and are scored at the end.
 
     Args:
-        work: what all blocks share.
-        batch: the runs, and their measurements.
-        name: of the tracker.
+        work: data shared by all blocks.
+        batch: the runs with their measurements.
+        name: name of the tracker.
         twice: whether a plug-in is driven a second time.
         observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
@@ -50,16 +50,16 @@ class TrackerRun:
     def __init__(self, work: Work, batch: Batch, name: str, twice: bool, observe: OnRecordedRun | None = None) -> None:
         self.name, self.batch = name, batch
         self.tracker: Any = None
-        """Has ``step(state, *arguments) -> (state, answer)``; inside the context."""
+        """Tracker with ``step(state, *arguments) -> (state, answer)``; set inside the context."""
         self._started: Any = None
-        """The tracker without what asks it again."""
+        """The tracker without the wrapper of the second drive."""
         self.state: Any = None
-        """Of the tracker; None before the first step."""
+        """State of the tracker; None before the first step."""
         self.failure: Failure | None = None
         self.engine: EngineUsed | None = None
-        """Known once the context is left, of a built-in tracker."""
+        """Engine of a built-in tracker; set when the context is left."""
         self.random = False
-        """Whether it says that it draws random numbers; known once it is started."""
+        """Whether the tracker declares that it draws random numbers; set inside the context."""
         self._work, self._piece, self._twice = work, batch.pieces[0], twice
         self._scene = work.scenes[self._piece.scene]
         self._time = self._scene.truth.time[work.scored_steps(self._scene)]
@@ -67,27 +67,27 @@ class TrackerRun:
         self._delivery: tuple[int, Delivery, bool] | None = None
         self._began = 0.0
         self._step_by_step_until = 0
-        self._of_metric: Exception | None = None
+        self._metric_error: Exception | None = None
         self.answers: list[Any] = []
-        """At each instant, where ``work`` keeps them."""
+        """Answer at each instant; empty unless ``work.keeps_answers``."""
 
     @property
     def done(self) -> float:
-        """Share of the instants that it has been taken to."""
+        """Share of the instants that the tracker has reached."""
         return 0.0 if self._delivery is None else (self._delivery[0] + 1) / max(len(self._time), 1)
 
     def __enter__(self) -> Self:
         try:
-            if self.name in self._work.filed:
+            if self.name in self._work.external_tracks:
                 return self
             self.tracker = self._started = self.batch.start(self.name)
             self.random = is_random(self.tracker)
             if self._twice:
-                self.tracker = asked_again(self._work, self.batch, self.name, self.tracker)
+                self.tracker = with_second_drive(self._work, self.batch, self.name, self.tracker)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._note(error)
+            self._note_error(error)
         return self
 
     def __exit__(
@@ -97,9 +97,9 @@ class TrackerRun:
             self._started.close()
         elif self._started is not None:
             self.engine = self._work.engine_of(getattr(self._started, "engine_used", None))
-        passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._of_metric)
+        passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._metric_error)
         if error is not None and not passed_on:
-            self._note(error)
+            self._note_error(error)
         if isinstance(self.tracker, CrossCheckedTracker) and self.failure is None and not passed_on:
             disagreement = self.tracker.disagreement()
             if disagreement is not None:
@@ -111,7 +111,7 @@ class TrackerRun:
         taken = 0
         for instant, group in enumerate(self._deliveries):
             if instant >= taken and self.failure is None:
-                taken = instant + self._taken_at_once(instant)
+                taken = instant + self._take_sequence(instant)
             if instant < taken:
                 continue
             for place, delivery in enumerate(group):
@@ -123,7 +123,7 @@ class TrackerRun:
                 yield arguments
 
     def take(self, answer: Any) -> None:
-        """Score and keep what the tracker says to the latest arguments."""
+        """Score the tracker's answer to the latest arguments."""
         assert self._delivery is not None
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
         instant, delivery, last = self._delivery
@@ -131,17 +131,17 @@ class TrackerRun:
         step = DriveStep(instant, *delivery, answer, seconds, last)
         if last and self._work.keeps_answers:
             self.answers.append(answer)
-        tells = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
+        predicts = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
         try:
-            self._scoring.take(step, partial(self.tracker.predicted, self.state) if tells else None)
+            self._scoring.take(step, partial(self.tracker.predicted, self.state) if predicts else None)
         except Fault as fault:
             self._fail_at(fault)
         except Exception as error:
-            self._of_metric = error
+            self._metric_error = error
             raise
 
     def close(self) -> list[Outcome] | Failure:
-        """What it left behind of each piece, once the context is left."""
+        """Return the outcome in each piece, or the failure; to be called after the context."""
         if self.failure is None:
             try:
                 return self._scoring.close()
@@ -154,7 +154,7 @@ class TrackerRun:
 
     @cached_property
     def _deliveries(self) -> list[list[Delivery]]:
-        """What it is given at each instant."""
+        """Scans that the tracker is given at each instant."""
         if self.tracker is None:
             return []
         scans = self.batch.measurements.scans
@@ -164,16 +164,15 @@ class TrackerRun:
         return list(deliveries(scans, used, self._scene.each_measurement))
 
     def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
-        """The scan, with the objects that each detection and the second part of a merged one stem from where identities
-        are hidden and the tracker wants them."""
-        seen = self.batch.measurements
-        if not seen.origins or not getattr(self.tracker, "wants_origins", False):
+        """Return the scan; for a tracker that wants origins, also the one or two objects that caused each detection."""
+        measurements = self.batch.measurements
+        if not measurements.origins or not getattr(self.tracker, "wants_origins", False):
             return (delivery.scan,)
-        origins = np.stack([each[delivery.number or 0] for each in (seen.origins, seen.merged)])
+        origins = np.stack([each[delivery.number or 0] for each in (measurements.origins, measurements.merged)])
         return delivery.scan, origins if delivery.read and delivery.number is not None else origins[:, :0]
 
-    def _taken_at_once(self, instant: int) -> int:
-        """Take and score the instants from this one on by one sequence of calls; return how many these are."""
+    def _take_sequence(self, instant: int) -> int:
+        """Take and score the instants from this one on by one sequence of calls; return their number, 0 for none."""
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
         if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0
@@ -182,13 +181,13 @@ class TrackerRun:
         instants = self._deliveries[instant : instant + INSTANTS]
         taken = self._scoring.take_sequence(self.tracker, self.state, instants, instant)
         if taken is None:
-            # Most of the time it is because of a single instant.
+            # Mostly a single instant is the reason: single steps lead past it.
             self._step_by_step_until = instant + self._scoring.chunk
             return 0
         self.state, count = taken
         return count
 
-    def _note(self, error: BaseException) -> None:
+    def _note_error(self, error: BaseException) -> None:
         fault, begun = fault_of(error), self._delivery is not None
         instant, sensor = (0, None) if self._delivery is None else (self._delivery[0], self._delivery[1].scan.sensor)
         hint = self._scoring.hint(fault) if begun else ""
@@ -200,7 +199,7 @@ class TrackerRun:
         self._fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
 
     def _fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
-        """Note that and where the tracker cannot go on."""
+        """Keep the tracker's failure with its place."""
         object, run = (None, None) if fault.member is None else self._scoring.place(fault.member)
         where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
         self.failure = self._work.failure(self._piece, fault, run, **where)

@@ -1,4 +1,4 @@
-"""What a run consists of: scenes, and the blocks of runs in which they go through the trackers."""
+"""Work of a run: its scenes and trackers, and the blocks into which its Monte-Carlo runs are cut."""
 
 from __future__ import annotations
 
@@ -19,15 +19,12 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
-from trackbench.metrics.reference import (
-    entry_velocity,
-    typical_acceleration,
-)
+from trackbench.metrics.reference import entry_velocity, typical_acceleration
 from trackbench.metrics.registry import metrics_for, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS, TrafficScoreOptions
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
-from trackbench.runner.filed_tracks import rows_of_files
+from trackbench.runner.external_tracks import rows_of_files
 from trackbench.runner.scene import Scene
 from trackbench.scenario import Scenario, ScenarioConfig
 from trackbench.scenario.keys import TrackerEntry
@@ -39,96 +36,99 @@ from trackbench.truth.config.recording import ReferenceTruth
 from trackbench.truth.config.traffic import TracksConfig
 from trackbench.truth.tracks import TrackRows
 
-#: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
-#: step of an extended Kalman filter takes a third less for each of 8,000 than of 2,000, and no less for each of 16,000.
+#: Members (objects times runs) of the first and of the largest block of a scene. The first is small, so that two
+#: processes can share a small run. An extended Kalman filter takes a third less time per member with 8,000 members than
+#: with 2,000, and no less with 16,000.
 BATCH_SIZE, LARGEST_BATCH = 2000, 8000
-#: Objects times runs of blocks of several scenes that are made at once: enough that a step takes its time for them, and
-#: so few that two processes share the scenes of a run.
+#: Members of a group of blocks of several scenes: enough that the time of a step depends on them, and few enough that
+#: two processes share the scenes of a run.
 LARGEST_TOGETHER = 1000
-#: Objects times runs times instants of a block in which a smoother keeps what its filter believed: some 100 MB.
+#: Members times instants of a block with a smoother, which keeps the filter's beliefs: some 100 MB.
 LARGEST_SMOOTHED = 250_000
 
 
 class BlockRuns(NamedTuple):
-    """Some runs of one scene."""
+    """Runs of one scene that make a block."""
 
     scene: int
     runs: range
-    """Numbered within the scene."""
+    """Numbers of the runs within the scene."""
 
 
 class ReferenceMotion(NamedTuple):
-    """Motion that the reference of single objects allows for."""
+    """Motion that the error bound of single objects assumes."""
 
     acceleration: float
     """Standard deviation, m/s^2 per axis."""
     velocity_sigma: float
     """Standard deviation of the velocity at the start, m/s per axis."""
     as_drawn: bool
-    """Whether the acceleration is all that drives the targets, drawn anew at each step of the truth."""
+    """Whether targets really move so: by this white acceleration alone, drawn at each step of the truth."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """Everything that is the same for every block of a run."""
+    """Data shared by all blocks of a run."""
 
     scenario: str
     seed: int
     runs: int
-    """Of each scene."""
+    """Number of runs of each scene."""
     scenes: Sequence[Scene]
     trackers: Mapping[str, TrackerEntry]
     folder: Path | None
-    """Where a tracker's module is looked for first."""
+    """Folder in which modules of trackers are looked for first."""
     settle: float
+    """Time after an object's first detection that is not scored, s."""
     divergence: float
+    """Position error above which a run has diverged, m."""
     lost_after: float
-    """An object that has been out of view of every sensor for longer is not scored, s."""
+    """Longest time out of view of all sensors after which an object is still scored, s."""
     recorded_scene: int
     recorded_run: int
-    """Numbered within its scene."""
+    """Number of the recorded run within its scene."""
     reference: ReferenceMotion | None = None
-    """Motion that the reference of single objects allows for; None where identities are hidden."""
+    """Motion that the error bound of single objects assumes; None with hidden identities."""
     min_coverage: float = 0.0
-    """A tracker of single objects with a smaller share of the estimates that are due is not ranked."""
+    """Smallest share of the due estimates with which a single-object tracker is ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
     isolation: Isolation = ISOLATED
     track_score: TrafficScoreOptions | None = None
-    """How tracks are scored; None where identities are known."""
+    """Options for scoring tracks; None with known identities."""
     engine: Engine = "numpy"
-    """What computes, wherever it can be had."""
+    """Engine that was chosen for the run; a machine without it uses NumPy."""
     driven_twice: BlockRuns | None = None
-    """The block through which plug-ins are driven a second time."""
-    filed: Mapping[str, Sequence[TrackRows]] = field(default_factory=dict)
-    """By tracker whose tracks were made elsewhere, the rows of its file, or of a file for each scene."""
+    """Block in which plug-ins make a second drive."""
+    external_tracks: Mapping[str, Sequence[TrackRows]] = field(default_factory=dict)
+    """Tracks that other programs wrote, by name of the tracker: rows of one file, or of one file per scene."""
     keeps_answers: bool = False
-    """Whether what the trackers say in every run is kept as the table ``answers``."""
+    """Whether the trackers' answers in every run are kept as the table ``answers``."""
     stretches: int = 0
-    """Into how many stretches of time the scores of each scene, a log of one run, are cut; 0: into none."""
+    """Number of stretches of time into which each scene, a log of one run, is cut for its scores; 0 for no cut."""
     counted_stretches: Sequence[tuple[int, int]] = ()
-    """The scene and the number of each stretch that counts."""
+    """Scene and number of each stretch that is scored."""
     few_scenes_decide: bool = False
-    """As of the scenario."""
+    """Whether one scene of a hundred may decide between two trackers; see ``ScenarioKeys``."""
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
-        """The entry of a tracker that takes scans."""
+        """Return the scenario's entry of a tracker that takes scans."""
         entry = self.trackers[name]
         assert not isinstance(entry, TracksConfig)
         return entry
 
     @property
     def hidden(self) -> bool:
-        """Whether scans do not say of which object a detection is, so that trackers follow several objects."""
+        """Whether identities are hidden: trackers get unlabelled detections of several objects."""
         return self.track_score is not None
 
     @property
     def sensors(self) -> Mapping[str, Sensor]:
-        """Of the scenario, by name."""
+        """Configurations of the sensors, by name."""
         return {sensor.name: sensor.config for sensor in self.scenes[0].sensors}
 
     @property
     def steps(self) -> int:
-        """How many steps of single objects all trackers take together."""
+        """Number of steps of single objects that all trackers take together."""
         objects_and_scans = (
             len(scene.truth.ids) * sum(len(sensor.steps) for sensor in scene.sensors) for scene in self.scenes
         )
@@ -136,27 +136,26 @@ class Work:
 
     @property
     def unpaired(self) -> set[str]:
-        """The trackers whose tracks were made elsewhere, and do not say of which scans where noise is simulated."""
+        """Names of trackers whose external tracks state no fingerprint of their simulated scans."""
         recorded = all(sensor.recorded for scene in self.scenes for sensor in scene.sensors)
-        without = {name for name, files in self.filed.items() if any(rows.fingerprint is None for rows in files)}
-        return set() if recorded else without
+        tracks = self.external_tracks.items()
+        return set() if recorded else {name for name, files in tracks if any(r.fingerprint is None for r in files)}
 
     @property
     def engine_here(self) -> Engine:
-        """What computes on this machine, which may be another than that on which the engine was chosen."""
+        """Engine on this machine: the chosen one, or NumPy where that is missing."""
         return "numpy" if self.engine == "numpy" or unavailable() else "fused"
 
     def engine_of(self, used: EngineUsed | None) -> EngineUsed | None:
-        """What computed a built-in tracker on this machine, and why not the engine that was chosen."""
+        """Return the engine that computed a built-in tracker here, with the reason if it is not the chosen one."""
         if used is None or self.engine == self.engine_here:
             return used
         return used._replace(why_numpy=unavailable() or "")
 
     def pieces(self) -> list[BlockRuns]:
-        """The runs in blocks, each of which has twice as many as the one before, up to what a process may hold.
+        """Cut the runs into blocks, each with twice as many runs as its predecessor, up to a largest size.
 
-        Where a block begins depends on the scenes alone, not on the number of runs: with more runs all blocks stay but
-        the last.
+        Where a block begins depends on the scenes alone: with more runs only the last block changes.
         """
         pieces = []
         for number, scene in enumerate(self.scenes):
@@ -172,21 +171,24 @@ class Work:
         return pieces
 
     def groups(self, pieces: Sequence[BlockRuns]) -> list[list[BlockRuns]]:
-        """Blocks that are made at once: with hidden identities small ones of scenes whose sensors measure at the same
-        times, since a built-in tracker's step takes as long for a few runs as for one; else each alone."""
+        """Group the blocks that are made together.
+
+        These are small blocks with hidden identities of scenes whose sensors measure at the same times, since a
+        built-in tracker's step takes as long for a few runs as for one. Each other block is a group of its own.
+        """
         alike: dict[Hashable, list[BlockRuns]] = {}
         for piece in pieces:
-            alike.setdefault(self._measured_at(piece), []).append(piece)
+            alike.setdefault(self._group_key(piece), []).append(piece)
         groups: list[list[BlockRuns]] = []
-        for some in alike.values():
-            sizes = [len(self.scenes[piece.scene].truth.ids) * len(piece.runs) for piece in some]
+        for similar in alike.values():
+            sizes = [len(self.scenes[piece.scene].truth.ids) * len(piece.runs) for piece in similar]
             before, total = np.cumsum(sizes) - sizes, max(sum(sizes), 1)
             number = before * ceil(total / LARGEST_TOGETHER) // total
-            groups += [[some[i] for i in np.flatnonzero(number == part)] for part in np.unique(number)]
+            groups += [[similar[i] for i in np.flatnonzero(number == part)] for part in np.unique(number)]
         return groups
 
-    def _measured_at(self, piece: BlockRuns) -> Hashable:
-        """Equal of blocks that may be made at once."""
+    def _group_key(self, piece: BlockRuns) -> Hashable:
+        """Return a value that is equal for blocks that may be made together."""
         scene = self.scenes[piece.scene]
         late = any(sensor.config.latency[0] < sensor.config.latency[1] for sensor in scene.sensors)
         recorded = any(sensor.recorded or sensor.detections is not None for sensor in scene.sensors)
@@ -196,21 +198,21 @@ class Work:
         return tuple(sensor.time.tobytes() for sensor in scene.sensors)
 
     def number(self, scene: int, run: int) -> int:
-        """Of a run among those of all scenes; of a log that is cut, that of its first stretch."""
+        """Return the number of a run among the runs of all scenes; for a cut log, of its first stretch."""
         return scene * max(self.runs, self.stretches) + run
 
     def noise_of(self, scene: int) -> str:
-        """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
+        """Return the text that seeds a scene's random numbers, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
 
     def failure(self, piece: BlockRuns, fault: TrackFault, run: int | None, **where: Any) -> Failure:
-        """That a tracker cannot go on; ``run`` is counted from the first of its block."""
+        """Return the failure of a tracker; ``run`` counts from the first run of its block."""
         number = None if run is None else self.number(piece.scene, piece.runs.start + run)
         return Failure(cause=fault.cause, place=fault.place, run=number, **where)
 
     @property
     def headline(self) -> str:
-        """The metric that trackers are ranked by."""
+        """Name of the metric that ranks trackers."""
         return ranking_path(BUILT_IN if not self.hidden else TRACK_METRICS.values())
 
     @property
@@ -227,28 +229,28 @@ class Work:
 
     @property
     def recorded_noise(self) -> RecordedNoise:
-        """That of the truth, root mean square over the scenes."""
-        every = np.array([scene.truth.recorded_noise for scene in self.scenes])
-        return RecordedNoise(*np.sqrt(np.mean(every**2, axis=0)).tolist())
+        """Noise of a recorded truth, root mean square over the scenes."""
+        noise = np.array([scene.truth.recorded_noise for scene in self.scenes])
+        return RecordedNoise(*np.sqrt(np.mean(noise**2, axis=0)).tolist())
 
     @property
     def over_stretches(self) -> bool:
-        """Whether intervals rest on stretches of time: of a single run, or of few logs."""
+        """Whether intervals are taken over stretches of time: for a single run, or for few logs."""
         recorded = self.scenes[0].truth.source.get("source") == "recording"
         return self.runs == 1 and (len(self.scenes) == 1 or (recorded and len(self.scenes) < FEWEST_SCENES))
 
     @property
     def longest_scene(self) -> Scene:
-        """The one with the most instants."""
+        """Scene with the most instants."""
         return max(self.scenes, key=lambda scene: len(scene.instants()))
 
     @property
     def longest_time(self) -> Array:
-        """``(instants,)`` of that scene, s."""
+        """Instants of the scene with the most instants, s."""
         return self.longest_scene.truth.time[self.longest_scene.instants()]
 
     def of_scenes(self, scenes: Collection[int]) -> Work:
-        """What the blocks of some scenes need: of the others, no more than how many there are."""
+        """Return the work with only some scenes; the first of them stands in for the others."""
         first = self.scenes[min(scenes)]
         return replace(self, scenes=[each if number in scenes else first for number, each in enumerate(self.scenes)])
 
@@ -257,31 +259,31 @@ class Work:
         return scene.instants() if not self.hidden else scene.due.steps
 
     def recorded_in(self, piece: BlockRuns) -> int | None:
-        """The number of the recorded run in a block, if it is there."""
+        """Return the number of the recorded run within a block; None if it is in another block."""
         return self.recorded_run - piece.runs.start if self.has_recorded_run(piece) else None
 
     def has_recorded_run(self, piece: BlockRuns) -> bool:
-        """Whether the recorded run is one of these."""
+        """Return whether a block contains the recorded run."""
         return piece.scene == self.recorded_scene and self.recorded_run in piece.runs
 
     @property
     def late_sensors(self) -> list[str]:
-        """Those whose scans arrive later than they were taken."""
+        """Names of the sensors whose scans may arrive later than they were taken."""
         return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
 
-    def prepared(self, late: LateScans, change: Callable[[Any], Any] = lambda tracker: tracker) -> Any:
-        """Return a built-in tracker with the engine that computes here; bare where nothing comes late.
+    def prepare_tracker(self, late: LateScans, change: Callable[[Any], Any] = lambda tracker: tracker) -> Any:
+        """Return a built-in tracker with the engine of this machine; it handles late scans only if there are any.
 
         Args:
-            late: the tracker as it is built.
-            change: what else becomes of the bare tracker.
+            late: the tracker with its handling of late scans.
+            change: further change of the tracker itself.
         """
         tracker = change(replace(late.tracker, engine=self.engine_here))
         return replace(late, tracker=tracker) if self.late_sensors else tracker
 
     @property
     def scene_of_run(self) -> Indices:
-        """``(scenes * runs,)`` number of the scene of each run; each stretch of a log that is cut is one of each."""
+        """``(scenes * runs,)`` number of each run's scene; each stretch of a cut log counts as a scene of one run."""
         if self.stretches:
             return np.arange(len(self.counted_stretches))
         return np.repeat(np.arange(len(self.scenes)), self.runs)
@@ -290,19 +292,19 @@ class Work:
 def work_of(
     loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolation = ISOLATED, engine: EngineName = "numpy"
 ) -> Work:
-    """What every block of a run of the scenario needs.
+    """Return the data that all blocks of a scenario's run share.
 
     Args:
         loaded: the scenario.
-        truths: one for each scene.
-        isolation: how its plug-ins are kept apart.
-        engine: what computes.
+        truths: truth of each scene.
+        isolation: limits of the processes in which plug-ins run.
+        engine: engine that computes built-in trackers and scores.
 
     Raises:
-        InputError: the engine cannot be had.
+        InputError: the engine is not available, or a size that the scored point needs is unknown.
     """
     scenario = loaded.config
-    every, score = [item.truth for item in truths], scenario.score
+    scene_truths, score = [item.truth for item in truths], scenario.score
     hidden = scenario.sensing.identities == "hidden"
     each_measurement = score.each == "measurement"
     work = Work(
@@ -325,7 +327,7 @@ def work_of(
         lost_after=score.lost_after_s,
         recorded_scene=scenario.recording.scene,
         recorded_run=scenario.recording.run,
-        reference=None if hidden else _reference_motion(scenario, every),
+        reference=None if hidden else _reference_motion(scenario, scene_truths),
         min_coverage=0.0 if hidden else score.min_coverage,
         metrics=(*metrics_for(scenario.properties), *scenario.own_metrics),
         isolation=isolation,
@@ -335,10 +337,11 @@ def work_of(
         few_scenes_decide=scenario.few_scenes_decide,
     )
     for scene in work.scenes:
-        # Where a size is not known, it is said before anything is driven.
+        # An unknown size is reported before any tracker is driven.
         _ = scene.scored
-    filed = rows_of_files(work.trackers, every, work.runs, work.folder or Path())
-    return replace(work, engine=choose_engine(engine, work.steps), driven_twice=_drawn_block(work), filed=filed)
+    tracks = rows_of_files(work.trackers, scene_truths, work.runs, work.folder or Path())
+    chosen = choose_engine(engine, work.steps)
+    return replace(work, engine=chosen, driven_twice=_drawn_block(work), external_tracks=tracks)
 
 
 def _reference_motion(scenario: ScenarioConfig, truths: Sequence[Truth]) -> ReferenceMotion:
@@ -351,7 +354,7 @@ def _reference_motion(scenario: ScenarioConfig, truths: Sequence[Truth]) -> Refe
 
 
 def _drawn_block(work: Work) -> BlockRuns:
-    """The block of a run that is drawn by the seed, so that a block is as likely as it is large."""
+    """Draw the block of the second drive by the seed, with a probability in proportion to its runs."""
     random = stream(work.seed, work.scenario, 0, "block of the second drive")
     number = int(random.integers(work.runs * len(work.scenes)))
     scene, run = divmod(number, work.runs)

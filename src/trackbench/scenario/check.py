@@ -1,4 +1,4 @@
-"""The checks of a scenario that need highway-env, a recording or the code of a plug-in."""
+"""Checks of a scenario that need highway-env, a recording or the code of a plug-in."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Step = Callable[[], object]
 
 
 def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
-    """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
+    """Check the environment or the recording of the truth, and the options of each plug-in, without starting any.
 
     Returns:
-        What a recording implies and what is left out of it, and which sensors are slowed, a line each.
+        Notes of a line each: what a recording implies, what is left out of it, and which sensors are slowed.
 
     Raises:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
@@ -35,25 +35,25 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         notes.extend(own_source(loaded).check(folder=loaded.folder, sensors=loaded.config.sensor_kinds) or ())
         require_rates(loaded)
 
-    _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
+    _run_all(loaded, [check_truth, *_tracker_checks(loaded, isolation, started=False)])
     return [*notes, *slowed_notes(loaded)]
 
 
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
-    """Start each plug-in once, for a run.
+    """Start each plug-in once, before a run.
 
     Returns:
-        Which sensors are slowed by the world recorded, a line each.
+        A line for each sensor that the world ``recorded`` slows.
 
     Raises:
-        InputError: every one that cannot be found or does not take its options, with file and line.
+        InputError: every plug-in that cannot be found or does not take its options, with file and line.
     """
-    _all(loaded, list(_trackers(loaded, isolation, started=True)))
+    _run_all(loaded, list(_tracker_checks(loaded, isolation, started=True)))
     return slowed_notes(loaded)
 
 
 def slowed_notes(loaded: Scenario) -> list[str]:
-    """Return a line for each sensor whose rate the world recorded changes."""
+    """Return a line for each sensor whose rate the world ``recorded`` changes."""
     if loaded.config.world != "recorded":
         return []
     why = f"{RECORDED_HZ} Hz: the traffic of this world is recorded at {RECORDED_HZ} Hz"
@@ -62,7 +62,7 @@ def slowed_notes(loaded: Scenario) -> list[str]:
     return [f"sensors.{name}.rate_hz: changed from {rate:g} to {why}" for name, rate in slowed.items()]
 
 
-def _all(loaded: Scenario, steps: list[Step]) -> None:
+def _run_all(loaded: Scenario, steps: list[Step]) -> None:
     errors: list[InputError] = []
     for step in steps:
         try:
@@ -74,32 +74,32 @@ def _all(loaded: Scenario, steps: list[Step]) -> None:
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
 
 
-def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Iterator[Step]:
+def _tracker_checks(loaded: Scenario, isolation: Isolation, *, started: bool) -> Iterator[Step]:
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, TracksConfig):
             yield partial(read_tracks, tracker, name, loaded.folder)
         if isinstance(tracker, PluginConfig):
-            yield partial(_try, loaded, name, tracker, isolation, started)
+            yield partial(_check_startable, loaded, name, tracker, isolation, started)
 
 
-def _try(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolation, started: bool) -> None:
-    # Few scenarios have a plug-in, and what steps trackers takes its time to import.
+def _check_startable(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolation, started: bool) -> None:
+    # Imported here: slow to import, and few scenarios have a plug-in.
     from trackbench.driving.start import check_startable
 
     several = loaded.config.sensing.identities == "hidden"
     try:
         check_startable(tracker, loaded.folder, isolation, started, several, loaded.config.sensors)
     except InputErrors as errors:
-        raise InputErrors([_placed(error, name) for error in errors.errors]) from errors
+        raise InputErrors([_with_key(error, name) for error in errors.errors]) from errors
     except InputError as error:
-        raise _placed(error, name) from error
+        raise _with_key(error, name) from error
     except TrackFault as fault:
-        # Of a program, its result says so, and the others go on.
+        # A program that does not start fails in the result, while the other trackers run.
         if not is_program(tracker):
             verb = "start" if started else "look at"
             raise InputError(f"cannot {verb} {str(tracker.use)!r}: {fault}", key=f"trackers.{name}.use") from fault
 
 
-def _placed(error: InputError, name: str) -> InputError:
+def _with_key(error: InputError, name: str) -> InputError:
     key = f"trackers.{name}.use" if error.key is None else f"trackers.{name}.options.{error.key}"
     return InputError(error.message, key=key)

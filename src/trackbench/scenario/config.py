@@ -1,4 +1,4 @@
-"""The whole scenario: its keys, checked against each other, and those of the subjects."""
+"""Configuration of a whole scenario: its own keys and those that subjects add, checked against each other."""
 
 from __future__ import annotations
 
@@ -18,13 +18,12 @@ class _CheckedKeys(ScenarioKeys):
         yield from validate(self)
 
 
-def _with_blocks() -> type[ScenarioKeys]:
-    """The keys of a scenario, with those of the subjects."""
+def _with_subject_keys() -> type[ScenarioKeys]:
     blocks: dict[str, Any] = {}
     for name, target in offered("blocks"):
         block = resolve(target)
-        own_class = (block | None, Field(None, description=block.__doc__)) if isinstance(block, type) else None
-        blocks[name] = own_class or (block.type, block.field)
+        of_class = (block | None, Field(None, description=block.__doc__)) if isinstance(block, type) else None
+        blocks[name] = of_class or (block.type, block.field)
     return create_model(
         "ScenarioConfig", __base__=_CheckedKeys, __module__=__name__, __doc__=ScenarioKeys.__doc__, **blocks
     )
@@ -33,4 +32,4 @@ def _with_blocks() -> type[ScenarioKeys]:
 if TYPE_CHECKING:
     ScenarioConfig = ScenarioKeys
 else:
-    ScenarioConfig = _with_blocks()
+    ScenarioConfig = _with_subject_keys()

@@ -1,4 +1,4 @@
-"""YAML files beside scenarios: their keys and values, with file, line and key of whatever is wrong."""
+"""YAML configuration files beside scenarios, whose errors state file, line and key."""
 
 from __future__ import annotations
 
@@ -20,12 +20,9 @@ def read_config(kind: type[C], file: Path) -> tuple[C, str]:
     """Return the configuration in a YAML file, and the text of the file.
 
     Raises:
-        InputErrors: everything that is wrong in it, with line and key.
+        InputErrors: everything that is wrong in the file, with line and key.
     """
-    try:
-        text = read_text(file, "; save the file as UTF-8")
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=file) from None
+    text = read_text(file, "; save the file as UTF-8")
     document = parse_yaml(text, str(file))
     if not isinstance(document.value, dict):
         keys = ", ".join(name for name, field in kind.model_fields.items() if field.is_required())

@@ -1,4 +1,4 @@
-"""The pages on the scenario file, one for each key of its top level, made from its JSON Schema."""
+"""Documentation pages on the scenario file, one for each key of its top level, made from its JSON Schema."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ EXAMPLES: dict[str, str] = {
     **_EXAMPLES["sections"],
     **{key: resolve(target).EXAMPLE for key, target in offered("blocks")},
 }
-#: An example of each other form that a section can have, by the class that describes it.
+#: An example of each further form of a section, by the class that describes the form.
 OTHER_EXAMPLES: dict[str, str] = _EXAMPLES["classes"]
-#: The headings of classes where neither the key that leads to them nor their name in a file would do.
+#: Headings of classes for which neither their key nor their name in a file is a good heading.
 HEADINGS: dict[str, str] = _EXAMPLES["headings"]
 
 #: Key, type, default and meaning of a key.
 Row = tuple[str, str, str, str]
-#: So many rows that another table of the page has are named, with a link to it, and not listed again.
+#: Rows that an earlier table of the page has too are replaced by a link, if there are at least this many.
 FEWEST_REPEATED = 2
-#: Bounds from here on, and below its inverse, keep out nonsense; nobody looks them up.
+#: Bounds beyond this number or below its inverse only refuse nonsense, and are not shown.
 VAST = 1e4
-#: Keys whose classes stand on the page of another key, by that key.
+#: Page on which the classes of a key are described, where it is the page of another key.
 HOMES = {"motion": "trackers"}
 NOTE = "<!-- Made from the schema by `python -m trackbench.scenario.docs docs`. Change the field descriptions. -->"
 INTRODUCTION = f"""\
@@ -74,9 +74,9 @@ def scenario_pages() -> dict[str, str]:
 def _described(
     field: Schema, key: str, parts: Schema, described: set[str], page: str, listed: dict[Row, str]
 ) -> Iterator[str]:
-    """Yield the classes that a key's value may have, and those within them, each once.
+    """Yield text on the classes that a key's value may have and on the classes within them, each class once.
 
-    ``described`` and ``listed`` (the rows of the page, with the heading of each) are extended.
+    Adds to ``described``, the names of the classes, and to ``listed``, the rows of the page with their headings.
     """
     for name, several in _references(field):
         if name in described:
@@ -84,11 +84,10 @@ def _described(
         described.add(name)
         part = parts[name]
         named = [
-            (key if "$comment" in item else own, item) for own, item in part["properties"].items() if "const" in item
+            (key if "$comment" in item else name, item) for name, item in part["properties"].items() if "const" in item
         ]
-        kind = next((f"{own}: {item['const']}" for own, item in named), None)
-        usual = f"`{kind}`" if kind else f"Each of `{key}`" if several else f"`{key}`"
-        heading = HEADINGS.get(name, usual)
+        kind = next((f"{name}: {item['const']}" for name, item in named), None)
+        heading = HEADINGS.get(name, f"`{kind}`" if kind else f"Each of `{key}`" if several else f"`{key}`")
         if name in HEADINGS or key or kind:
             yield f"## {heading}"
         yield inspect.cleandoc(part["description"])
@@ -97,11 +96,11 @@ def _described(
         # A heading such as `type: bias` says what the row of that key would say.
         rows = [row for row in _rows(part) if heading != f"`{row[0].strip('`')}: {row[1].strip('`')}`"]
         repeated = _repeated(rows, listed)
-        own = [row for row in rows if row not in repeated]
-        yield _table(own)
+        new = [row for row in rows if row not in repeated]
+        yield _table(new)
         for earlier in dict.fromkeys(repeated.values()):
             keys = ", ".join(row[0] for row, place in repeated.items() if place == earlier)
-            yield f"{'Further keys' if own else 'Keys'}, as in [{earlier}](#{_anchor(earlier)}): {keys}."
+            yield f"{'Further keys' if new else 'Keys'}, as in [{earlier}](#{_anchor(earlier)}): {keys}."
         listed |= {row: heading for row in rows if row not in listed}
         for inner, value in part["properties"].items():
             if "$comment" not in value and HOMES.get(inner, page) == page:
@@ -124,7 +123,7 @@ def _yaml(text: str) -> str:
 
 
 def _rows(part: Schema, shown: dict[str, str] = {}) -> list[Row]:  # noqa: B006
-    """Return the rows of a class; ``shown``: keys that are written otherwise. Options of a plug-in have their own."""
+    """Return the rows of a class, without options of plug-ins; ``shown``: texts that replace some keys."""
     rows = []
     choices = [set(form.get("required", ())) for form in part.get("anyOf", ())]
     for key, field in part["properties"].items():
@@ -138,7 +137,7 @@ def _rows(part: Schema, shown: dict[str, str] = {}) -> list[Row]:  # noqa: B006
 
 
 def _repeated(rows: list[Row], listed: dict[Row, str]) -> dict[Row, str]:
-    """Return the rows that an earlier table has, with its heading, where it has so many of them."""
+    """Return the rows that an earlier table has too, with its heading, if they are at least ``FEWEST_REPEATED``."""
     headings = Counter(listed[row] for row in rows if row in listed)
     return {row: listed[row] for row in rows if headings[listed.get(row, "")] >= FEWEST_REPEATED}
 
@@ -176,8 +175,8 @@ def _type(field: Schema) -> str:
 
 def _bounds(field: Schema) -> str:
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-    stated = {sign: field[name] for name, sign in signs.items() if name in field}
-    bounds = [f"{sign} {show(bound)}" for sign, bound in stated.items() if not bound or 1 / VAST < abs(bound) < VAST]
+    values = {sign: field[name] for name, sign in signs.items() if name in field}
+    bounds = [f"{sign} {show(bound)}" for sign, bound in values.items() if not bound or 1 / VAST < abs(bound) < VAST]
     return ", " + ", ".join(bounds) if bounds else ""
 
 

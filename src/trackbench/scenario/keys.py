@@ -1,4 +1,4 @@
-"""The keys of a scenario: truth, sensors, trackers, and how they are run and judged."""
+"""Keys of a scenario: truth, sensors and trackers, Monte-Carlo runs, scores and expectations."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from trackbench.truth import TRUTH_SOURCES, TruthSource
 from trackbench.truth.config.traffic import TracksConfig
 from trackbench.truth.sources import RecordingTruth
 
-#: A metric by its published name or ``"module:Class"``, or as a mapping with its options.
+#: Metric by its published name or ``"module:Class"``, or as a mapping with its options.
 AnyMetric = Annotated[Metric, Plugin(METRICS, "use", word=True, options="options")]
 
 
 class MonteCarlo(Config):
-    """How often the scene is repeated with other noise."""
+    """Monte-Carlo runs: repetitions of each scene with new noise."""
 
     runs: int = Field(100, ge=1, le=1_000_000, description="Number of runs.")
     seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the noise of all runs, with the scenario's name.")
 
 
 class ReferenceConfig(Config):
-    """The Cramer-Rao bound of targets that move with white acceleration, which errors are held against."""
+    """Cramer-Rao bound of targets that move with white acceleration, with which errors are compared."""
 
     acceleration_sigma_mps2: Positive | None = Field(
         None,
@@ -49,16 +49,16 @@ class ReferenceConfig(Config):
 
 
 class Margin(Config):
-    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+    """Largest difference that does not matter: a share of the better value or an absolute part, if that is larger."""
 
     percent: NonNegative = Field(1, description="Share of the better value, %.")
-    position_m: NonNegative = Field(0.005, description="Of errors in m.")
-    velocity_mps: NonNegative = Field(0.02, description="Of errors in m/s.")
-    course_deg: NonNegative = Field(0.05, description="Of errors in degrees.")
+    position_m: NonNegative = Field(0.005, description="Absolute part for errors in m.")
+    velocity_mps: NonNegative = Field(0.02, description="Absolute part for errors in m/s.")
+    course_deg: NonNegative = Field(0.05, description="Absolute part for errors in degrees.")
 
 
 class Score(Config):
-    """Which errors count, and what they are held against."""
+    """Choice of the scored errors, and of the bounds and margins to compare them with."""
 
     settle_s: NonNegative = Field(
         1,
@@ -66,8 +66,8 @@ class Score(Config):
     )
     each: Literal["instant", "measurement"] = Field(
         "instant",
-        description="Where several sensors measure at one instant. instant: the estimate after the last of them is "
-        "scored. measurement: the one after each of them.",
+        description="Estimates that are scored where several sensors measure at one instant. instant: the estimate "
+        "after the last measurement. measurement: the estimate after each measurement.",
     )
     point: ScoredPoint = Field(
         "centre",
@@ -81,27 +81,27 @@ class Score(Config):
         "detected again and settle_s have passed, s.",
     )
     cutoff_m: Positive = Field(
-        5, description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object."
+        5, description="With hidden identities: the cutoff of GOSPA, m. A track within half of it is on an object."
     )
     switch_costs_s: Positive = Field(
         0.5,
-        description="With hidden identities: a switch of tracks costs as much in T-GOSPA as missing the object for "
-        "so long, s.",
+        description="With hidden identities: a track switch costs as much in T-GOSPA as missing the object for this "
+        "time, s.",
     )
     min_coverage: float = Field(
         0.95,
         ge=0,
         le=1,
-        description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
-        "what is expected of it fails.",
+        description="Smallest share of the due estimates that a tracker must give; with less it is not ranked, and its "
+        "expectations fail.",
     )
     margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
     baseline: str | None = Field(
         None,
-        description="Name of the tracker that each other tracker is compared with. Fewer comparisons show smaller "
-        "differences. Default: every pair is compared; with more than 30 trackers, each with the best.",
+        description="Name of the tracker with which every other one is compared: fewer comparisons show smaller "
+        "differences. Unless given, every pair is compared; with more than 30 trackers, each one with the best.",
     )
-    reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="Reference for the errors.")
+    reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="Bound to compare errors with.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,
         description='Metrics beside the built-in ones: published names, "module:Class", or `{use, options}`.',
@@ -115,17 +115,17 @@ class Score(Config):
 
 
 class Sensing(Config):
-    """What the measurements say of the objects."""
+    """Whether measurements are labelled with their objects."""
 
     identities: Literal["known", "hidden"] = Field(
         "known",
-        description="known: each measurement says of which object it is. hidden: a scan has detections in an order "
-        "that means nothing; trackers of several objects follow them (`associate`).",
+        description="known: each measurement is labelled with its object. hidden: detections have no labels, and their "
+        "order means nothing; trackers associate them (`associate`).",
     )
 
 
 class Expectation(Config):
-    """What must hold of one metric of one tracker; exactly one of below, above, is and better_than."""
+    """Condition on one metric of one tracker, with exactly one of below, above, is and better_than."""
 
     tracker: str = Field(description="Name of the tracker.")
     metric: str = Field(description="Dotted path of the metric (`trackbench list metrics` shows them).")
@@ -137,11 +137,11 @@ class Expectation(Config):
     )
     worlds: list[World] = Field(
         default_factory=list,
-        description="The worlds in which the expectation must hold. Default: the ideal one, and runs without worlds.",
+        description="The worlds in which it must hold; unless given, the ideal one and the scenario outside of worlds.",
     )
 
     def holds_in(self, world: World | None) -> bool:
-        """Whether it is expected there; None outside of worlds."""
+        """Return whether the condition must hold in a world; None stands for the scenario outside of worlds."""
         return world in self.worlds if self.worlds else world in (None, "ideal")
 
     def problems(self) -> Iterator[Problem]:
@@ -154,20 +154,18 @@ class Expectation(Config):
 
 
 class RecordingConfig(Config):
-    """What the Rerun recording shows."""
+    """Scene and Monte-Carlo run that the Rerun recording shows."""
 
-    scene: int = Field(0, ge=0, description="The scene that is shown, from 0, where there are several.")
-    run: int = Field(
-        0, ge=0, description="The Monte-Carlo run of it whose measurements and estimates are shown, from 0."
-    )
+    scene: int = Field(0, ge=0, description="Number of the scene, from 0.")
+    run: int = Field(0, ge=0, description="Number of the Monte-Carlo run within the scene, from 0.")
 
 
 def _entry_kind(value: Any) -> str | None:
-    filed = isinstance(value, dict) and "filter" not in value and value.get("use") == "tracks"
-    return "<tracks>" if filed or isinstance(value, TracksConfig) else entry_kind(value)
+    is_tracks = isinstance(value, dict) and "filter" not in value and value.get("use") == "tracks"
+    return "<tracks>" if is_tracks or isinstance(value, TracksConfig) else entry_kind(value)
 
 
-#: What a scenario says of a tracker.
+#: Entry of a tracker in a scenario.
 TrackerEntry = FilterConfig | PluginConfig | TracksConfig
 AnyEntry = Annotated[
     Annotated[FilterConfig, Tag("<filter>")]
@@ -192,12 +190,12 @@ class ScenarioKeys(Config):
     )
     sensors: dict[Name, Annotated[Sensor, Plugin(SENSOR_MODELS, "type")]] = Field(
         default_factory=dict,
-        description="The sensors, by name. They may be left out if the tracks of every tracker were made elsewhere.",
+        description="The sensors, by name. There may be none if every tracker is `use: tracks`.",
     )
-    sensing: Sensing = Field(default_factory=Sensing, description="Whether measurements say which object they are of.")
+    sensing: Sensing = Field(default_factory=Sensing, description="Known or hidden identities.")
     trackers: dict[Name, AnyEntry] = Field(min_length=1, description="The trackers to compare, by name.")
-    monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
-    score: Score = Field(default_factory=Score, description="How errors are counted.")
+    monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with new noise.")
+    score: Score = Field(default_factory=Score, description="How errors are scored.")
     expect: list[Expectation] = Field(
         default_factory=list, description="What must hold; otherwise the exit status is 1."
     )
@@ -207,13 +205,13 @@ class ScenarioKeys(Config):
         description="The worlds (`trackbench list worlds`) in which the scenario is run, each with a result of its "
         "own. Default: the scenario as it is written.",
     )
-    world: World | None = Field(None, description="The one world to which the scenario is changed.")
+    world: World | None = Field(None, description="The world into which the scenario is changed.")
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
-        """The entry of a tracker that takes scans.
+        """Return the entry of a tracker that takes scans.
 
         Raises:
-            InputError: its tracks were made elsewhere.
+            InputError: another program wrote the tracks.
         """
         entry = self.trackers[name]
         if isinstance(entry, TracksConfig):
@@ -223,22 +221,22 @@ class ScenarioKeys(Config):
 
     @property
     def sensor_kinds(self) -> dict[str, str]:
-        """The kind of each sensor, by name."""
+        """Kind of each sensor, by name."""
         return {name: sensor.type for name, sensor in self.sensors.items()}
 
     @property
     def hides_targets(self) -> bool:
-        """Whether objects that are no targets may hide those that are."""
+        """Whether other objects may hide targets from a sensor."""
         return self.sensing.identities == "known" and any(sensor.occlusion for sensor in self.sensors.values())
 
     @property
     def few_scenes_decide(self) -> bool:
-        """Whether one scene of a hundred may decide between two trackers: simulated vehicles hide others."""
+        """Whether one scene of a hundred may decide between two trackers, since simulated vehicles hide others."""
         return self.hides_targets and self.truth.source == "highway-env"
 
     @property
     def properties(self) -> frozenset[str]:
-        """What it has of what metrics may need."""
+        """Properties that metrics may need: a truth or none, and labels or tracks."""
         truth = self.truth
         has_truth = not (isinstance(truth, RecordingTruth) and truth.without_truth)
         identities = "tracks" if self.sensing.identities == "hidden" else "labels"
@@ -246,11 +244,11 @@ class ScenarioKeys(Config):
 
     @property
     def own_metrics(self) -> list[Metric]:
-        """Metrics beside the built-in ones: of the blocks of subjects, and those that it names."""
+        """Metrics beside the built-in ones: from the keys of subjects, and from ``score.metrics``."""
         of_blocks = [resolve(target)(getattr(self, block)) for block, target in offered("metrics")]
         return [*chain.from_iterable(of_blocks), *self.score.metrics]
 
     @property
     def full_name(self) -> str:
-        """Of the result's folder."""
+        """Name of the result's folder."""
         return self.name if self.world is None else f"{self.name}-{self.world}"

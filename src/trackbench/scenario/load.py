@@ -1,4 +1,4 @@
-"""From a file to a checked scenario."""
+"""Load a scenario: read, change and validate its file, and select trackers or worlds."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, parse_yaml
-from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes
+from trackbench.scenario.worlds import WORLDS, NoSuchWorldError, changes
 
-#: Columns of a line of a scenario that is written.
+#: Largest width of a line of a written scenario.
 WIDTH = 120
 
 
 @dataclass(frozen=True, repr=False)
 class Scenario:
-    """A valid scenario and where it came from."""
+    """Valid scenario with its source."""
 
     config: ScenarioConfig
     path: Path
     text: str
-    """The file as it is on disk, without the overrides."""
+    """Text of the file, without the overrides."""
     overrides: tuple[str, ...]
-    """Each ``key.path=value`` that was set over the file."""
+    """Each ``key.path=value`` that was set beside the file."""
     document: YamlDocument
-    """The plain values that were validated, each with its place."""
+    """Plain values that were validated, each with its place in the file."""
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """By the name of each tracker with a sweep, the names of its points."""
+    """Names of the trackers that a sweep gives, by name of the tracker with the sweep."""
     selected: tuple[str, ...] = ()
-    """The trackers that were selected of those in the file; empty where all are there."""
+    """Names by which trackers were selected; empty for all trackers of the file."""
 
     @property
     def places(self) -> dict[str, int]:
-        """By tracker, also one that was not selected, its place in the file, from 0."""
+        """Position of each tracker in the file, from 0, with trackers that were not selected."""
         return {name: place for place, name in enumerate(self.document.value["trackers"])}
 
     @property
     def folder(self) -> Path:
-        """Where relative paths start."""
+        """Folder in which relative paths start."""
         return self.path.resolve().parent
 
     def __repr__(self) -> str:
@@ -57,7 +57,7 @@ class Scenario:
         return f"<scenario {self.config.name}: {counted(len(self.config.trackers), 'tracker')}, {runs}>"
 
     def locate(self, error: InputError) -> InputError:
-        """The same error with the file and line of its key."""
+        """Return an error with the file and line of its key."""
         if isinstance(error, InputErrors):
             return InputErrors([self.locate(part) for part in error.errors])
         if error.file is not None:
@@ -65,14 +65,14 @@ class Scenario:
         return error.located(**self.document.origin(_key_path(self.document, error.key))._asdict())
 
 
-#: Errors of one file that are shown.
+#: Largest number of errors that are shown for one file.
 MOST_ERRORS = 50
 
 
 def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
     """Read, override and validate a scenario file.
 
-    What needs highway-env or a tracker to be known is left to ``check``.
+    Checks that need highway-env or the code of a tracker are left to ``check``.
 
     Args:
         named: the YAML file, or the name of a scenario that comes with the package.
@@ -80,18 +80,14 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
 
     Raises:
         InputError: the file cannot be read or is not YAML.
-        InputErrors: everything that is wrong in it, in the order of its lines.
+        InputErrors: everything that is wrong in the file, in the order of its lines.
     """
     path = find_scenario(named)
-    try:
-        text = files.read_text(path, "; save the file as UTF-8")
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    return scenario_of(text, path, overrides)
+    return scenario_of(files.read_text(path, "; save the file as UTF-8"), path, overrides)
 
 
 def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenario:
-    """As ``load_scenario``, of a text that is at hand already; ``path`` is named in errors."""
+    """Return the scenario in a text, changed and validated as by ``load_scenario``; errors name ``path``."""
     document, keys = parse_yaml(text, str(path)), ScenarioConfig.model_fields
     if not isinstance(document.value, dict):
         result = "is empty" if document.value is None else "is not a mapping of keys to values"
@@ -99,7 +95,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
         message = f"the file {result}; a scenario has the keys {required}"
         raise InputError(message, file=path, line=document.origin(()).line)
     if not {*document.value} & {*keys}:
-        # A file of another kind, which is not to be shown in messages.
+        # Messages must not show the content of a file of another kind.
         raise InputError(f"this is no scenario: it has none of the keys {', '.join(keys)}", file=path)
     document, sweeps = expand_sweeps(_in_world(apply_overrides(document, overrides)))
     try:
@@ -110,12 +106,12 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
     expected = [item for item in config.expect if item.holds_in(config.world)]
-    kept = config.model_copy(update={"expect": expected})
-    return Scenario(kept, path, text, tuple(overrides), document, sweeps)
+    config = config.model_copy(update={"expect": expected})
+    return Scenario(config, path, text, tuple(overrides), document, sweeps)
 
 
 def _in_world(document: YamlDocument) -> YamlDocument:
-    """With the changes of the world that it names."""
+    """Apply the changes of the world that the document names."""
     world = document.value.get("world")
     if world not in WORLDS:
         return document
@@ -134,7 +130,7 @@ def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str
 
 
 def _key_path(document: YamlDocument, key: str | None) -> KeyPath:
-    """A dotted key as the path that the document knows; indices of lists become numbers."""
+    """Return a dotted key as a path in the document; indices of lists become numbers."""
     path: KeyPath = ()
     node = document.value
     for part in key.split(".") if key else ():
@@ -146,11 +142,11 @@ def _key_path(document: YamlDocument, key: str | None) -> KeyPath:
 
 
 def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
-    """The scenario with some of its trackers, and the expectations that can still be judged.
+    """Return the scenario with some of its trackers, and the expectations on these.
 
     Args:
         loaded: the scenario.
-        names: of trackers; that of a sweep stands for all of its points.
+        names: names of trackers; the name of a sweep stands for all its points.
 
     Raises:
         InputError: there is no tracker of a name.
@@ -162,21 +158,21 @@ def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
                 f"no tracker {name!r} in this scenario; {nearest_choices(name, [*config.trackers, *loaded.sweeps])}"
             )
             raise InputError(problem, key="--trackers", file=loaded.path)
-    wanted = {point for name in names for point in loaded.sweeps.get(name, (name,))}
-    kept = {name: tracker for name, tracker in config.trackers.items() if name in wanted}
-    if not kept:
+    selected = {point for name in names for point in loaded.sweeps.get(name, (name,))}
+    trackers = {name: tracker for name, tracker in config.trackers.items() if name in selected}
+    if not trackers:
         raise InputError("name at least one tracker", key="--trackers", file=loaded.path)
-    expect = [item for item in config.expect if {item.tracker, item.better_than or item.tracker} <= set(kept)]
-    chosen = config.model_copy(update={"trackers": kept, "expect": expect})
-    return replace(loaded, config=chosen, selected=tuple(names))
+    expect = [item for item in config.expect if {item.tracker, item.better_than or item.tracker} <= set(trackers)]
+    config = config.model_copy(update={"trackers": trackers, "expect": expect})
+    return replace(loaded, config=config, selected=tuple(names))
 
 
 def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenario], list[str]]:
-    """Return the scenario in each of some worlds, and a sentence on each world in which it cannot be.
+    """Return the scenario in each of some worlds, and a sentence on each world that does not fit it.
 
     Args:
-        loaded: the scenario; one that is in a world already stays as it is.
-        worlds: their names; those that the scenario states unless given, and where it states none, as it is.
+        loaded: the scenario; it is returned unchanged if it is in a world already.
+        worlds: names of the worlds; unless given, the scenario's own list. Without any, it is returned unchanged.
 
     Raises:
         InputError: there is no world of a name.
@@ -184,59 +180,59 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
     for world in worlds:
         if world not in WORLDS:
             raise InputError(f"no world {world!r}; {nearest_choices(world, WORLDS)}", key="--worlds")
-    own = loaded.config.world
-    if worlds and own is not None:
-        message = f"its key world already says {own}: remove that key, or leave --worlds out"
+    current = loaded.config.world
+    if worlds and current is not None:
+        message = f"its key world already says {current}: remove that key, or leave --worlds out"
         raise loaded.locate(InputError(message, key="world"))
-    chosen = [*worlds] or loaded.config.worlds
-    if not chosen or own is not None:
+    names = [*worlds] or loaded.config.worlds
+    if not names or current is not None:
         return [loaded], []
     scenarios: list[Scenario] = []
     notes = []
-    for world in dict.fromkeys(chosen):
+    for world in dict.fromkeys(names):
         try:
             scenario = scenario_of(loaded.text, loaded.path, [*loaded.overrides, f"world={world}"])
             scenarios.append(select_trackers(scenario, loaded.selected) if loaded.selected else scenario)
-        except NoSuchWorld as error:
+        except NoSuchWorldError as error:
             notes.append(f"{loaded.config.name} in the world {world}: {error.message}")
     return scenarios, notes
 
 
 def own_modules(loaded: Scenario) -> list[Path]:
-    """The modules beside a scenario that it names, as in ``use: my_tracker:Tracker``."""
-    files = (loaded.folder / f"{name}.py" for name in _named(loaded) if name.isidentifier())
+    """Return the modules in a scenario's folder that it names, as in ``use: my_tracker:Tracker``."""
+    files = (loaded.folder / f"{name}.py" for name in _module_names(loaded) if name.isidentifier())
     return list(dict.fromkeys(file for file in files if file.is_file()))
 
 
 def own_folder(loaded: Scenario) -> Path | None:
-    """The scenario's folder, if there are modules or packages in it that the scenario names."""
-    folder, tops = loaded.folder, {name.partition(".")[0] for name in _named(loaded)}
-    there = any((folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file() for top in tops)
-    return folder if there else None
+    """Return the scenario's folder if it has a module or package that the scenario names, else None."""
+    folder, tops = loaded.folder, {name.partition(".")[0] for name in _module_names(loaded)}
+    has_modules = any((folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file() for top in tops)
+    return folder if has_modules else None
 
 
-def _named(loaded: Scenario) -> Iterator[str]:
-    """What stands before the colon in every text of the scenario that has one."""
+def _module_names(loaded: Scenario) -> Iterator[str]:
+    """Return the possible names of modules: the part before the colon of each text of the scenario with a colon."""
     return (text.partition(":")[0] for text in texts_of(loaded.document.value) if ":" in text)
 
 
 def texts_of(node: Any) -> Iterator[str]:
     """Yield every text in a tree of mappings and lists, keys left out."""
-    waiting = [node]
-    while waiting:
-        node = waiting.pop()
+    nodes = [node]
+    while nodes:
+        node = nodes.pop()
         if isinstance(node, dict | list):
-            waiting += node.values() if isinstance(node, dict) else node
+            nodes += node.values() if isinstance(node, dict) else node
         elif isinstance(node, str):
             yield node
 
 
 def written_with_changes(loaded: Scenario, folder: Path) -> str:
-    """Return the text of a scenario in which its ``--set`` stand, for a file in another folder; without its comments.
+    """Return the text of a scenario with its ``--set`` applied, for a file in another folder; comments are lost.
 
     Args:
         loaded: the scenario.
-        folder: where the file will be; the path of a recorded truth is as seen from there.
+        folder: folder of the new file, from which the path of a recorded truth will lead.
     """
     changes = [*loaded.overrides]
     truth = loaded.document.value["truth"]

@@ -1,4 +1,4 @@
-"""``--set``, ``sweep:`` of a tracker, and the text of a scenario with changed keys."""
+"""Changes of a scenario's keys: by ``--set``, by the ``sweep`` of a tracker, and of its paths."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDoc
             path = set_value(value, key, parse_yaml(text, option).value)
         except InputError as error:
             raise InputError(error.message, key=error.key, file=option) from None
-        settings = {at: place for at, place in settings.items() if at[: len(path)] != path}
+        settings = {key: place for key, place in settings.items() if key[: len(path)] != path}
         settings[path] = option
     return replace(document, value=value, settings=settings)
 
 
-#: Sections whose entries have names, and the keys that say what a new entry is: one of these comes first.
+#: Sections with named entries, and the keys of which one must be the first that is set in a new entry.
 NAMED = {"sensors": ("type", "preset"), "trackers": ("use", "filter")}
 
 
 def _require_entry(root: Any, parts: Sequence[str]) -> None:
-    """Refuse a key of a sensor or tracker that is not there, with the nearest name."""
+    """Refuse a key of a sensor or tracker that does not exist, with the nearest name."""
     entries = root.get(parts[0]) if isinstance(root, dict) and parts[0] in NAMED and len(parts) > 2 else None
     if isinstance(entries, dict) and parts[1] not in entries and parts[2] not in NAMED[parts[0]]:
         hint = nearest_choices(parts[1], entries)
@@ -52,7 +52,7 @@ def _require_entry(root: Any, parts: Sequence[str]) -> None:
 
 
 def set_value(root: Any, dotted_key: str, new: Any) -> KeyPath:
-    """Set the value at a key, and return the path of what changed: the outermost mapping made for it.
+    """Set the value at a dotted key, and return the path that changed: of the outermost new mapping, or of the key.
 
     Raises:
         InputError: an index outside its list, a path through a plain value.
@@ -82,17 +82,17 @@ def set_value(root: Any, dotted_key: str, new: Any) -> KeyPath:
     return changed or path
 
 
-#: More trackers than this in one scenario are a slip of the pen.
+#: Largest number of points of a sweep; more must be a mistake.
 MAX_POINTS = 10_000
 FORM = "write option: [values] (all combinations), or a list of mappings, each a point"
-#: The value of each option of a point, and where it was written.
+#: Point of a sweep: the value of each option, with the path at which it was written.
 Point = dict[str, tuple[Any, KeyPath]]
 
 
 def expand_sweeps(document: YamlDocument) -> tuple[YamlDocument, dict[str, tuple[str, ...]]]:
-    """Return the document with a tracker for each point of each sweep, and the names of the points by their sweep's.
+    """Replace each sweep by a tracker for each of its points; return the document and the trackers' names by sweep.
 
-    Errors at a point lead back to the line where the value or the option was written.
+    Errors at a point name the line where the value or the option was written.
 
     Raises:
         InputError: a sweep that is not one of the two forms, has no or too many points, or two of one name.
@@ -109,7 +109,7 @@ def expand_sweeps(document: YamlDocument) -> tuple[YamlDocument, dict[str, tuple
         points = list(islice(_points(document, trackers[name]["sweep"], at), MAX_POINTS + 1))
         if len(points) > MAX_POINTS:
             raise document.error(at, f"more than {MAX_POINTS} points")
-        names = ["_".join([name, *(_word(value) for value, _ in point.values())]) for point in points]
+        names = ["_".join([name, *(_name_part(value) for value, _ in point.values())]) for point in points]
         for full, point in zip(names, points, strict=True):
             if full in expanded:
                 _, place = next(iter(point.values()))
@@ -142,14 +142,13 @@ def _points(document: YamlDocument, sweep: Any, at: KeyPath) -> Iterator[Point]:
     for option, values in sweep.items():
         if not isinstance(values, list) or not values:
             raise document.error((*at, option), f"a list of values is needed: {FORM}")
-    placed = ([(value, (*at, option, index)) for index, value in enumerate(own)] for option, own in sweep.items())
-    yield from (dict(zip(sweep, chosen, strict=True)) for chosen in product(*placed))
+    placed = ([(value, (*at, option, index)) for index, value in enumerate(values)] for option, values in sweep.items())
+    yield from (dict(zip(sweep, point, strict=True)) for point in product(*placed))
 
 
-def _word(value: Any) -> str:
-    """Return a value as it is part of a name."""
+def _name_part(value: Any) -> str:
     if isinstance(value, dict | list):
-        return "-".join(_word(item) for item in (value.values() if isinstance(value, dict) else value))
+        return "-".join(_name_part(item) for item in (value.values() if isinstance(value, dict) else value))
     if isinstance(value, bool) or value is None:
         return "none" if value is None else str(value).lower()
     if isinstance(value, float):
@@ -158,12 +157,12 @@ def _word(value: Any) -> str:
 
 
 def with_moved_paths(node: Any, move: Callable[[str], str], is_path: bool = False) -> Any:
-    """Return a part of a scenario in which every ``path``, one or a list, is another; what else stands there stays.
+    """Return a part of a scenario with a new path for each ``path``, which may be a list; all else stays.
 
     Args:
         node: the part.
-        move: the new path for an old one.
-        is_path: whether it is itself the value of a ``path``.
+        move: returns the new path for an old one.
+        is_path: whether ``node`` is itself the value of a ``path``.
     """
     if isinstance(node, dict):
         return {key: with_moved_paths(value, move, key == "path") for key, value in node.items()}

@@ -27,7 +27,7 @@ def json_schema() -> Schema:
                 field["additionalProperties"] = False
         if "preset" in part.get("properties", {}):
             _preset(part)
-    # A sweep gives keys that are required, and the ending of a file its format.
+    # A sweep may give the required keys of a filter, and the ending of a file gives its format.
     parts["FilterConfig"]["required"] = ["filter"]
     parts["TracksConfig"]["required"].remove("format")
     parts["TracksConfig"]["properties"]["format"]["anyOf"].insert(0, {"const": AUTO})
@@ -40,7 +40,7 @@ def json_schema() -> Schema:
 
 
 def _preset(part: Schema) -> None:
-    """Let a preset stand in for the keys that are required without one; a radar that measures less needs fewer."""
+    """Let a preset replace the required keys, as may the key ``measures`` of a radar."""
     kind = part["properties"]["type"]["const"]
     names = [preset.name for preset in list_presets() if preset.kind == kind]
     if not names:

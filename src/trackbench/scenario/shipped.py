@@ -1,4 +1,4 @@
-"""The scenarios that come with the package, by name: ``highway``, ``scripted/own_model``."""
+"""Scenarios that come with the package, by name: ``highway``, ``scripted/own_model``."""
 
 from __future__ import annotations
 
@@ -9,27 +9,29 @@ from pathlib import Path
 from trackbench.base.errors import InputError, did_you_mean, similar_names
 
 FOLDER = Path(__file__).parents[1] / "scenarios"
-#: Endings ``.yaml`` and ``.yml``.
+#: Pattern of the endings ``.yaml`` and ``.yml``.
 PATTERN = "*.y*ml"
 
 
 def shipped() -> dict[str, Path]:
-    """The file of each scenario by its name: the path in the package's folder without the ending."""
+    """Return the file of each shipped scenario by name, which is its path in the folder without the ending."""
     return {_name(file): file for file in sorted(FOLDER.rglob(PATTERN))}
 
 
-def at_hand() -> dict[str, Path]:
-    """The shipped scenarios by name, and those in the folder ``scenarios`` of the working directory by path."""
-    own = Path("scenarios")
-    files = [] if own.resolve() == FOLDER.resolve() else sorted(own.rglob(PATTERN))
+def available_scenarios() -> dict[str, Path]:
+    """Return the shipped scenarios by name, and the user's in ``scenarios`` of the working directory by path."""
+    folder = Path("scenarios")
+    files = [] if folder.resolve() == FOLDER.resolve() else sorted(folder.rglob(PATTERN))
     return shipped() | {str(file): file for file in files}
 
 
 def find_scenario(named: Path | str) -> Path:
-    """The file or folder that a name stands for: a path, or else that of a scenario that comes with the package.
+    """Return the file or folder for a path, or for the name of a shipped scenario or folder.
+
+    A path has precedence, except a folder without scenarios that has the name of a shipped one.
 
     Raises:
-        InputError: it is neither; with the nearest of both.
+        InputError: there is neither; the message proposes the nearest name.
     """
     path = Path(named)
     name, files = path.as_posix(), shipped()
@@ -41,9 +43,9 @@ def find_scenario(named: Path | str) -> Path:
         return files[name]
     if any(path_name.startswith(f"{name}/") for path_name in files):
         return FOLDER / path
-    there = path.parent.iterdir() if os.path.isdir(path.parent) else ()
-    beside = {entry.stem: str(entry) for entry in there if entry.match(PATTERN) or any(entry.glob(PATTERN))}
-    # The ending, which most share, makes no name alike.
+    entries = path.parent.iterdir() if os.path.isdir(path.parent) else ()
+    beside = {entry.stem: str(entry) for entry in entries if entry.match(PATTERN) or any(entry.glob(PATTERN))}
+    # Compared without the endings, which make all names similar.
     choices = {each.rpartition("/")[2]: each for each in files} | beside
     near = did_you_mean([choices[stem] for stem in similar_names(path.stem, choices, 0.6)[:1]])
     hint = near or "`trackbench list scenarios` shows those that come with trackbench"
@@ -51,7 +53,7 @@ def find_scenario(named: Path | str) -> Path:
 
 
 def files_of_scenarios(named: Iterable[Path | str]) -> Iterator[Path]:
-    """The file of each scenario that is named, and those in each folder that is named.
+    """Yield the file of each scenario in the arguments, and all scenario files of each folder in them.
 
     Raises:
         InputError: there is no such file or folder, or no scenario in it.
@@ -68,12 +70,12 @@ def files_of_scenarios(named: Iterable[Path | str]) -> Iterator[Path]:
 
 
 def is_shipped(file: Path) -> bool:
-    """Whether a scenario's file comes with the package."""
+    """Return whether a scenario's file comes with the package."""
     return file.is_relative_to(FOLDER)
 
 
 def shown_name(file: Path) -> str:
-    """A scenario's file as a user names it."""
+    """Return a scenario's file as a user names it: the shipped name, or the path."""
     return _name(file) if is_shipped(file) else str(file)
 
 

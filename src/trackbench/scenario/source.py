@@ -1,4 +1,4 @@
-"""YAML text to plain values, with the place of each one for error messages.
+"""YAML text as plain values, with the place of each value for error messages.
 
 Scalars follow the core schema of YAML 1.2: ``1e-3`` is a number, and ``on``, ``1:30`` and dates are text. Keys are
 always text.
@@ -21,29 +21,29 @@ CONTROL = "a control character, which a scenario cannot hold"
 
 
 class Origin(NamedTuple):
-    """Where a value was written."""
+    """Place where a value was written."""
 
     file: str
-    """The file, or the option of the command line."""
+    """File, or option of the command line."""
     line: int | None = None
-    """From 1; None for an option."""
+    """Number of the line, from 1; None for an option."""
 
 
 @dataclass(frozen=True)
 class YamlDocument:
-    """A YAML document as plain values (dict, list, str, int, float, bool, None)."""
+    """YAML document as plain values (dict, list, str, int, float, bool, None)."""
 
     value: Any
     file: str
     node: yaml.Node | None
-    """The values with their places, as they stand in the file."""
+    """YAML node of the whole file, which knows the lines."""
     settings: dict[KeyPath, str] = field(default_factory=dict)
-    """The option by which a value was set over the file."""
+    """Option that set a value, by the path of the value; it replaces the value of the file."""
     written: dict[KeyPath, KeyPath] = field(default_factory=dict)
-    """For a value that was made from another: the path at which that one was written."""
+    """Path at which the source of a derived value was written, by the path of the derived value."""
 
     def as_written(self, path: KeyPath) -> KeyPath:
-        """Return the path in the file of the value at ``path``."""
+        """Return the path at which the value at ``path`` was written in the file."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.written:
                 return (*self.written[path[:length]], *path[length:])
@@ -97,7 +97,7 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     except yaml.MarkedYAMLError as error:
         problem = error.problem or "syntax error"
         mark = ("find expected ':'" in problem and error.context_mark) or error.problem_mark or error.context_mark
-        message = next((told for part, told in _SYNTAX.items() if part in problem), f"not valid YAML: {problem}")
+        message = next((own for part, own in _SYNTAX.items() if part in problem), f"not valid YAML: {problem}")
         raise InputError(message, file=file, line=mark.line + 1 if mark else None) from None
     except yaml.reader.ReaderError as error:
         raise InputError(CONTROL, file=file, line=text.count("\n", 0, error.position) + 1) from None
@@ -106,10 +106,10 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads by the core schema of YAML 1.2."""
+    """Loader by the core schema of YAML 1.2."""
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        """Return a mapping with the entries that it merges in, each key given once."""
+        """Return a mapping with the entries that it merges in; refuse a key that is given twice."""
         node: yaml.MappingNode = super().compose_mapping_node(anchor)
         lines: dict[str, int] = {}
         for key, _ in node.value:
@@ -149,7 +149,7 @@ for _tag, _pattern, _first in (
 
 
 def _plain(node: Any, path: KeyPath, around: tuple[yaml.Node, ...], file: str) -> Any:
-    """Return the value of a node within the nodes ``around``, of which an anchor may be one."""
+    """Return a node as a plain value; ``around``: the nodes that contain it, to refuse one that contains itself."""
     problem = None
     if any(node is outer for outer in around):
         problem = "an anchor that contains itself"
@@ -169,7 +169,7 @@ def _plain(node: Any, path: KeyPath, around: tuple[yaml.Node, ...], file: str) -
     raise InputError(problem, key=dotted(path) or None, file=file, line=node.start_mark.line + 1)
 
 
-#: Part of what the parser says, and what is said instead.
+#: Part of a message of the parser, and the message that replaces it.
 _SYNTAX = {
     "'\\t'": "a tab where YAML needs spaces",
     "mapping values are not allowed": "not valid YAML: a colon is missing in or before this line, or there is a "

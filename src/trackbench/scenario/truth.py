@@ -1,4 +1,4 @@
-"""The truth that a scenario is about, of each of its scenes."""
+"""Ground truth of each scene of a scenario: simulated, drawn or read."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from trackbench.truth.jumps import LARGEST
 
 
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
-    """As ``truths_of``, of the first scene alone."""
+    """Simulate, draw or read the truth of the first scene."""
     try:
-        made = _load(_setting(loaded), truth_source(loaded), progress)
+        first = _load(_setting(loaded), truth_source(loaded), progress)
         require_rates(loaded)
-        return made
+        return first
     except InputError as error:
         raise loaded.locate(error) from None
 
@@ -26,22 +26,22 @@ def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
 def truths_of(
     loaded: Scenario, progress: Progress = no_progress, executor: Executor | None = None
 ) -> list[LoadedTruth]:
-    """Simulate, draw or read the truth of each scene, in their order.
+    """Simulate, draw or read the truth of each scene, in the order of the scenes.
 
     Args:
         loaded: the scenario.
         progress: called with the number of steps simulated and of all; from other processes, scene by scene.
-        executor: what simulates those that are not stored; this process unless given.
+        executor: simulates the truths that are not stored; this process unless given.
 
     Raises:
-        InputError: one cannot be had; with file and line.
+        InputError: a truth cannot be made; with file and line.
         TrackbenchError: the processes that simulate died.
     """
     return PendingTruths(loaded, executor or Executor()).collect(progress)
 
 
 def truth_source(loaded: Scenario) -> TruthSource:
-    """The source of the truth: with hidden identities or occlusion, of every object that a sensor may reach."""
+    """Return the source of the truth; with hidden identities or occlusion, of every object in a sensor's reach."""
     config = loaded.config
     if config.sensing.identities == "known" and not config.hides_targets:
         return config.truth
@@ -49,31 +49,31 @@ def truth_source(loaded: Scenario) -> TruthSource:
 
 
 def own_source(loaded: Scenario) -> TruthSource:
-    """The source of the scenario's targets, which knows whether identities are hidden."""
+    """Return the source of the truth of the scenario's targets, told whether identities are hidden."""
     truth = loaded.config.truth
     return truth.with_hidden_identities() if loaded.config.sensing.identities == "hidden" else truth
 
 
 def require_rates(loaded: Scenario) -> None:
-    """Refuse sensors that are faster than recorded traffic, of which nobody knows the rate before it is read.
+    """Refuse sensors that are faster than recorded traffic, whose rate is known only once it is read.
 
     Raises:
-        InputError: one is.
+        InputError: a sensor is faster.
     """
-    most = own_source(loaded).recorded_rate(loaded.folder)
+    recorded_hz = own_source(loaded).recorded_rate(loaded.folder)
     for name, sensor in loaded.config.sensors.items():
-        if most is not None and sensor.rate_hz is not None and sensor.rate_hz > most * (1 + 1e-6):
-            more = f"{sensor.rate_hz:g} Hz is more than the truth has, which is recorded at {most:g} Hz"
-            units = "" if most >= 1 else "check the unit of its times, such as units: {time: ms}; or "
-            raise InputError(f"{more}; {units}use {most:g}", key=f"sensors.{name}.rate_hz")
+        if recorded_hz is not None and sensor.rate_hz is not None and sensor.rate_hz > recorded_hz * (1 + 1e-6):
+            more = f"{sensor.rate_hz:g} Hz is more than the truth has, which is recorded at {recorded_hz:g} Hz"
+            units = "" if recorded_hz >= 1 else "check the unit of its times, such as units: {time: ms}; or "
+            raise InputError(f"{more}; {units}use {recorded_hz:g}", key=f"sensors.{name}.rate_hz")
 
 
 class PendingTruths:
-    """The truths of a scenario's scenes, being made.
+    """Truths of a scenario's scenes that are in progress from now on; ``collect`` waits for them.
 
     Args:
         loaded: the scenario.
-        executor: what simulates those that are not stored.
+        executor: simulates the truths that are not stored.
     """
 
     def __init__(self, loaded: Scenario, executor: Executor) -> None:
@@ -91,7 +91,7 @@ class PendingTruths:
         self._simulated = executor.map(_load, calls, own_folder(loaded), (self._advance,))
 
     def collect(self, progress: Progress = no_progress) -> list[LoadedTruth]:
-        """The truths, once they are there; as ``truths_of``."""
+        """Wait for the truths and return them in the order of the scenes."""
         self._progress = progress
         return [
             self._next(i) if stored is None else _as_sensed(stored, self._loaded.config.hides_targets)
@@ -116,7 +116,7 @@ class PendingTruths:
         self._progress(self._made * total + done, self._missing * total)
 
 
-#: The draw, the scenario's folder, the kinds of its sensors, and whether objects hide others.
+#: The draw, the scenario's folder, the kind of each sensor by name, and whether objects hide others.
 _Setting = tuple[Draw, Path, dict[str, str], bool]
 
 

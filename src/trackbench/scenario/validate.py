@@ -1,4 +1,4 @@
-"""What must fit together between the sections of a scenario, each of which is valid by itself."""
+"""Checks between the sections of a scenario, after each section has been checked by itself."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.sources import RecordingTruth
 
-#: Two times that differ by less are the same, s: a difference of times is not exact.
+#: Times that differ by less are equal, s: a difference of times has rounding errors.
 ROUNDING = 1e-9
-#: Why a key of a sensor is not used with known identities.
-OF_HIDDEN = {
+#: Keys of a sensor that are refused with known identities, and the reasons.
+NEED_HIDDEN = {
     "clutter": "a false alarm has no identity",
     "resolution": "a detection of two vehicles has no single identity",
     "states": "trackers are told of this only without identities",
 }
-#: Keys of the scores that are not used where tracks are scored.
-OF_SINGLE_OBJECTS = ("settle_s", "each", "divergence_m", "lost_after_s", "min_coverage", "reference")
-#: The identities that give what a metric needs.
+#: Keys of the scores that are refused with hidden identities.
+NEED_KNOWN = ("settle_s", "each", "divergence_m", "lost_after_s", "min_coverage", "reference")
+#: Value of ``sensing.identities`` that gives what a metric needs.
 IDENTITIES = {"labels": "known", "tracks": "hidden"}
 REMEDY = "write sensing: {identities: hidden}, or remove this"
-#: Keys of a sensor that say when and what it would measure; recorded measurements are taken as they are.
+#: Keys of a sensor that only simulated measurements obey; recorded ones are taken as they are.
 SYNTHETIC = (
     "rate_hz",
     "phase_s",
@@ -48,7 +48,7 @@ SYNTHETIC = (
 
 
 def validate(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield everything that is wrong between the sections of a scenario."""
+    """Yield every contradiction between the sections of a scenario."""
     if isinstance(scenario.truth, RecordingTruth):
         yield from _recording(scenario, scenario.truth)
     if isinstance(scenario.truth, SteppedTruth):
@@ -57,8 +57,8 @@ def validate(scenario: ScenarioKeys) -> Iterator[Problem]:
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None and name not in fed:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
-    yield from _of_hidden(scenario) if scenario.sensing.identities == "hidden" else _of_known(scenario)
-    yield from _made_elsewhere(scenario)
+    yield from (_if_hidden(scenario) if scenario.sensing.identities == "hidden" else _if_known(scenario))
+    yield from _external_tracks(scenario)
     yield from _scored_point(scenario)
     yield from collected("checks", scenario)
     for name, tracker in scenario.trackers.items():
@@ -68,7 +68,7 @@ def validate(scenario: ScenarioKeys) -> Iterator[Problem]:
         if getattr(scenario.recording, key) >= limit:
             yield Problem(("recording", key), f"must be from 0 to {limit - 1}, of {counted(limit, key)}")
     if scenario.score.baseline is not None:
-        yield from _known(("score", "baseline"), "tracker", scenario.score.baseline, scenario.trackers)
+        yield from _unknown(("score", "baseline"), "tracker", scenario.score.baseline, scenario.trackers)
     metrics = by_path(scenario.sensors, scenario.own_metrics, scenario.properties) if scenario.expect else {}
     for index, expectation in enumerate(scenario.expect):
         for problem in _expectation(scenario, expectation, metrics):
@@ -76,17 +76,16 @@ def validate(scenario: ScenarioKeys) -> Iterator[Problem]:
 
 
 def same_every_run(scenario: ScenarioKeys) -> bool:
-    """Return whether nothing is drawn: motion, trackers' starts and measurements are recorded."""
+    """Return whether all runs are equal because nothing is drawn: motion, starts of tracks and measurements."""
     trackers = scenario.trackers.values()
     from_truth = any(isinstance(item, FilterConfig) and item.initial.source == "truth" for item in trackers)
     all_fed = len(scenario.truth.feeds(scenario.sensor_kinds)) == len(scenario.sensors)
     return all_fed and not scenario.truth.random and not from_truth
 
 
-def _known(at: KeyPath, what: str, name: str, names: Iterable[str]) -> Iterator[Problem]:
-    """Yield that the scenario has no sensor or tracker of a name, with the nearest."""
+def _unknown(path: KeyPath, kind: str, name: str, names: Iterable[str]) -> Iterator[Problem]:
     if name not in [*names]:
-        yield Problem(at, f"the scenario has no {what} {name!r}; {nearest_choices(name, names)}")
+        yield Problem(path, f"the scenario has no {kind} {name!r}; {nearest_choices(name, names)}")
 
 
 def _times(scenario: ScenarioKeys, truth: SteppedTruth) -> Iterator[Problem]:
@@ -98,7 +97,7 @@ def _times(scenario: ScenarioKeys, truth: SteppedTruth) -> Iterator[Problem]:
         if sensor.rate_hz is None:
             continue
         phase = ("sensors", name, "phase_s")
-        if not _whole(truth.rate_hz / sensor.rate_hz):
+        if not _is_whole(truth.rate_hz / sensor.rate_hz):
             rates = [rate for rate in range(1, truth.rate_hz + 1) if truth.rate_hz % rate == 0]
             below = sum(rate < sensor.rate_hz for rate in rates)
             use = " or ".join(map(str, rates[max(below - 1, 0) : below + 1]))
@@ -108,21 +107,20 @@ def _times(scenario: ScenarioKeys, truth: SteppedTruth) -> Iterator[Problem]:
             yield Problem(phase, f"must be below the sensor's period, which is {1 / sensor.rate_hz:g} s")
         elif sensor.phase_s > truth.duration_s:
             yield Problem(phase, f"the first measurement is after the end, which is at {truth.duration_s:g} s")
-        elif not _whole(sensor.phase_s * truth.rate_hz):
+        elif not _is_whole(sensor.phase_s * truth.rate_hz):
             near_s = round(sensor.phase_s * truth.rate_hz) / truth.rate_hz
             step = f"must be a multiple of the truth step, which is {1 / truth.rate_hz:g} s"
             yield Problem(phase, f"{step}; use {near_s:g}")
 
 
-def _whole(value: float) -> bool:
-    """Return whether ``value`` is a whole number but for rounding."""
+def _is_whole(value: float) -> bool:
     return math.isfinite(value) and abs(value - round(value)) < 1e-6
 
 
-def _of_known(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield what is stated of hidden identities where they are known."""
+def _if_known(scenario: ScenarioKeys) -> Iterator[Problem]:
+    """Yield the keys that need hidden identities, where identities are known."""
     for name, sensor in scenario.sensors.items():
-        for key, reason in OF_HIDDEN.items():
+        for key, reason in NEED_HIDDEN.items():
             if key in sensor.model_fields_set:
                 yield Problem(("sensors", name, key), f"{reason}; {REMEDY}")
     for name, tracker in scenario.trackers.items():
@@ -142,8 +140,8 @@ def _of_known(scenario: ScenarioKeys) -> Iterator[Problem]:
             yield Problem(("truth", "objects", name, "target"), message)
 
 
-def _of_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield what is stated of known identities where they are hidden."""
+def _if_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
+    """Yield the keys and trackers that need known identities, where identities are hidden."""
     for name, tracker in scenario.trackers.items():
         alone = "follows one object, but hidden identities need a tracker of several"
         if isinstance(tracker, FilterConfig) and tracker.associate is None:
@@ -152,13 +150,13 @@ def _of_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
             yield Problem(("trackers", name, "use"), f"{tracker.use} {alone}; use a filter with associate")
     if any("labels" in metric.needs for metric in scenario.score.metrics):
         yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")
-    for key in OF_SINGLE_OBJECTS:
+    for key in NEED_KNOWN:
         if key in scenario.score.model_fields_set:
             yield Problem(("score", key), "not used with identities: hidden; remove it")
 
 
-def _made_elsewhere(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield what does not go with tracks that another program wrote; all other trackers need sensors."""
+def _external_tracks(scenario: ScenarioKeys) -> Iterator[Problem]:
+    """Yield contradictions of external tracks, and the missing sensors of other trackers."""
     for name, tracker in scenario.trackers.items():
         use = ("trackers", name, "use")
         if not isinstance(tracker, TracksConfig):
@@ -176,7 +174,7 @@ def _made_elsewhere(scenario: ScenarioKeys) -> Iterator[Problem]:
 
 
 def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield where a point beside the centre is not known."""
+    """Yield a scored point beside the centre, if the size of the objects is not known."""
     truth = scenario.truth
     if scenario.score.point == "centre" or not isinstance(truth, RecordingOptions):
         return
@@ -192,27 +190,27 @@ def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
 
 
 def _tracker(scenario: ScenarioKeys, tracker: FilterConfig | PluginConfig | TracksConfig) -> Iterator[Problem]:
-    """Yield what does not fit between a tracker and the sensors."""
+    """Yield contradictions between a tracker and the sensors."""
     lists: dict[KeyPath, Iterable[str]] = {("sensors",): tracker.sensors or []}
     if isinstance(tracker, FilterConfig):
         lists["initial", "sensors"] = tracker.initial.sensors or []
     for at, names in lists.items():
         for index, sensor in enumerate(names):
-            yield from _known((*at, index), "sensor", sensor, scenario.sensors)
+            yield from _unknown((*at, index), "sensor", sensor, scenario.sensors)
     if isinstance(tracker, FilterConfig):
         yield from _assumed(scenario, tracker)
         yield from _start(scenario, tracker)
         yield from _lag(scenario, tracker)
         for sensor in tracker.associate.detection_probability if tracker.associate is not None else ():
-            yield from _known(("associate", "detection_probability", sensor), "sensor", sensor, scenario.sensors)
+            yield from _unknown(("associate", "detection_probability", sensor), "sensor", sensor, scenario.sensors)
 
 
 def _assumed(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]:
-    """Yield what does not fit of sensor models, noise and effects that a tracker assumes."""
+    """Yield sensor models, noise and effects that a tracker assumes and that do not fit the sensors."""
     for key in ("assume", "sensor_models", "measurement_noise"):
         for sensor, assumed in getattr(tracker, key).items():
             if sensor not in scenario.sensors:
-                yield from _known((key, sensor), "sensor", sensor, scenario.sensors)
+                yield from _unknown((key, sensor), "sensor", sensor, scenario.sensors)
                 continue
             if tracker.sensors_used is not None and sensor not in tracker.sensors_used:
                 reads = ", ".join(tracker.sensors_used)
@@ -223,10 +221,10 @@ def _assumed(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]
                 for problem in assumed.problems_on(kind, tracker.filter == "kf"):
                     yield Problem((key, sensor, *problem.at), problem.message)
             elif key == "sensor_models":
-                own, other = (SENSOR_MODELS[each].components for each in (scenario.sensors[sensor].type, assumed))
-                if len(own) != len(other):
+                true, other = (SENSOR_MODELS[each].components for each in (scenario.sensors[sensor].type, assumed))
+                if len(true) != len(other):
                     what = f"the {', '.join(other)} of a {kind}"
-                    yield Problem((key, sensor), f"{sensor} reads {', '.join(own)}, which cannot be taken for {what}")
+                    yield Problem((key, sensor), f"{sensor} reads {', '.join(true)}, which cannot be taken for {what}")
             else:
                 options = list(dict.fromkeys(SENSOR_MODELS[kind].sigma_options))
                 for name in (name for name in assumed if name not in options):
@@ -235,7 +233,7 @@ def _assumed(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]
 
 
 def _start(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]:
-    """Yield what a tracker needs of its sensors and none of them measures."""
+    """Yield quantities that a tracker needs for its filter or its start, and that no sensor measures."""
     initial = tracker.initial
     read = tracker.sensors or list(scenario.sensors)
     starting = initial.sensors or read
@@ -265,7 +263,7 @@ def _lag(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]:
     latency = {sensor: scenario.sensors[sensor].latency for sensor in read if sensor in scenario.sensors}
     least = min((low for low, _ in latency.values()), default=0.0)
     for sensor, (_, most) in latency.items():
-        # Of its own scans and of the other sensors', those that were taken later arrive before it by up to this.
+        # The largest time by which a later scan, of any sensor, may arrive before a scan of this sensor.
         behind = most - least
         if behind > tracker.lag_s + ROUNDING:
             dropped = f"scans of {sensor} may be {behind:g} s older than the state and would be dropped"
@@ -274,7 +272,7 @@ def _lag(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]:
 
 
 def _expectation(scenario: ScenarioKeys, expectation: Expectation, metrics: Mapping[str, Field]) -> Iterator[Problem]:
-    yield from _known(("tracker",), "tracker", expectation.tracker, scenario.trackers)
+    yield from _unknown(("tracker",), "tracker", expectation.tracker, scenario.trackers)
     metric = metrics.get(expectation.metric)
     if metric is None:
         other = by_path(scenario.sensors, scenario.own_metrics).get(expectation.metric)
@@ -306,7 +304,7 @@ def _limit(
         yield Problem(("is",), f"{path} is never {word!r}; {nearest_choices(word, metric.words)}")
     if rival is None:
         return
-    yield from _known(("better_than",), "tracker", rival, scenario.trackers)
+    yield from _unknown(("better_than",), "tracker", rival, scenario.trackers)
     if rival == expectation.tracker:
         yield Problem(("better_than",), "a tracker cannot be better than itself; name another one")
     if not metric.compared:
@@ -315,7 +313,7 @@ def _limit(
 
 
 def _recording(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Problem]:
-    """Yield what is wrong between a recording and the other sections."""
+    """Yield contradictions between a recording and the other sections."""
     kinds = scenario.sensor_kinds
     fed = truth.feeds(kinds)
     yield from _columns(truth, kinds)
@@ -328,7 +326,7 @@ def _recording(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Proble
         other = first.setdefault(sensor_type(kind), name)
         if other != name:
             yield Problem(("sensors", name), f"the recording has one {kind}, and it feeds {other}; remove one of them")
-    # With hidden identities it says which objects of a truth are due.
+    # With hidden identities the key occlusion decides which objects of a truth are due.
     is_due = scenario.sensing.identities == "hidden" and not truth.without_truth
     for name in fed:
         sensor = scenario.sensors[name]
@@ -347,7 +345,7 @@ def _columns(truth: RecordingTruth, kinds: Mapping[str, str]) -> Iterator[Proble
     for name, columns in truth.measurements.items():
         at = ("truth", "readings", name)
         if name not in kinds:
-            yield from _known(at, "sensor", name, kinds)
+            yield from _unknown(at, "sensor", name, kinds)
             continue
         model = SENSOR_MODELS[kinds[name]]
         needed = columns.of_sensor(model.components)
@@ -365,29 +363,29 @@ def _columns(truth: RecordingTruth, kinds: Mapping[str, str]) -> Iterator[Proble
 
 
 def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Problem]:
-    """Yield what of a recording does not go with the identities."""
-    known = scenario.sensing.identities == "known"
+    """Yield contradictions between a recording and ``sensing.identities``."""
+    is_known = scenario.sensing.identities == "known"
     only = "only used with sensing: {identities: hidden}; remove"
-    for key in truth.reference.of_tracks if known else ():
+    for key in truth.reference.of_tracks if is_known else ():
         yield Problem(("truth", "reference", key), only)
-    if known and truth.stretches is not None:
+    if is_known and truth.stretches is not None:
         yield Problem(("truth", "stretches"), f"{only}: errors have intervals without it")
     if truth.stretches is not None and scenario.monte_carlo.runs > 1:
         message = "only used with monte_carlo: {runs: 1}, since several runs already give intervals; remove"
         yield Problem(("truth", "stretches"), message)
-    if known and truth.without_truth:
+    if is_known and truth.without_truth:
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
         yield Problem(("truth", "path"), message)
-    if known and truth.columns is not None and truth.columns.without_velocity:
+    if is_known and truth.columns is not None and truth.columns.without_velocity:
         yield Problem(("truth", "columns"), "the velocity is missing: write vx and vy, or speed and course")
-    own = truth if known else truth.with_hidden_identities()
-    unlabelled = [name for name in truth.measurements if own.unlabelled(name)]
+    source = truth if is_known else truth.with_hidden_identities()
+    unlabelled = [name for name in truth.measurements if source.unlabelled(name)]
     for name, columns in truth.measurements.items():
         for key in ("slot", "copies_within_m") if name not in unlabelled else ():
             if getattr(columns, key) is not None:
                 message = "only used with unlabelled detections, and these have the names of their objects; remove"
                 yield Problem(("truth", "readings", name, key), message)
-    for name, tracker in scenario.trackers.items() if unlabelled and not known else ():
+    for name, tracker in scenario.trackers.items() if unlabelled and not is_known else ():
         if isinstance(tracker, FilterConfig) and tracker.associate is not None and tracker.associate.method == "oracle":
             message = f"oracle needs the object of each detection, which is not recorded for {', '.join(unlabelled)}"
             yield Problem(("trackers", name, "associate", "method"), message)

@@ -20,46 +20,46 @@ MEANING: dict[World, str] = {
     "typical": "human drivers where they are simulated, typical sensors from which vehicles hide others",
     "recorded": "recorded traffic, typical sensors from which vehicles hide others",
 }
-#: The environments of highway-env whose road is like that of a recording that comes with the package.
+#: Environments of highway-env on a motorway, like the recordings that come with the package.
 MOTORWAYS = ("highway-v0", "highway-fast-v0", "merge-v0", "merge-generic-v0", "two-way-v0", "exit-v0")
-#: Rows of each car of the recording per second: no sensor can be faster there.
+#: Rate of the recorded traffic, Hz; no sensor can be faster there.
 RECORDED_HZ = 10
-#: Cars of NGSIM I-80 that are far enough apart: each is the observer of a scene, and no car is in two.
+#: Observers of the recorded scenes, cars of NGSIM I-80 that are so far apart that no other car is in two scenes.
 I80_CARS = ["13", "36", "51", "60", "66", "74", "294", "309", "311", "331"]
-#: The recording, smoothed.
+#: Truth of the world ``recorded``: NGSIM I-80, smoothed.
 I80: dict[str, Any] = {"source": "recorded-traffic", "format": "i80", "smoothing": {"window_s": 2.1, "order": 2}}
 
 
-class NoSuchWorld(InputError):
-    """A scenario cannot be in a world."""
+class NoSuchWorldError(InputError):
+    """A world does not fit a scenario."""
 
 
 def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
-    """What makes a scenario, as it is written, one of a world: ``key.path=value`` each.
+    """Return the changes, ``key.path=value`` each, that turn a scenario, as written, into one of a world.
 
     Raises:
-        NoSuchWorld: it cannot be in it.
-        InputError: it states itself what the world sets, and otherwise.
+        NoSuchWorldError: the world does not fit the scenario.
+        InputError: the scenario sets a key of the world to another value.
     """
     truth, sensors = (part if isinstance(part := scenario.get(key), dict) else {} for key in ("truth", "sensors"))
     return [*_truth(truth, world), *_sensors(sensors, world, truth.get("source") == "recorded-traffic")]
 
 
 def slowed_sensors(scenario: Mapping[str, Any]) -> dict[str, float]:
-    """Return the stated rate, Hz, of each sensor that its world sets to that of recorded traffic, by name.
+    """Return the stated rate, Hz, of each sensor that the world slows to the rate of recorded traffic, by name.
 
     Args:
-        scenario: as it is written, before the changes of its world.
+        scenario: keys and values as written, before the changes of the world.
     """
     truth, sensors = (part if isinstance(part := scenario.get(key), dict) else {} for key in ("truth", "sensors"))
     if scenario.get("world") != "recorded" or truth.get("source") == "recorded-traffic":
         return {}
-    rates = {name: _rate(sensor) for name, sensor in sensors.items() if isinstance(sensor, dict)}
+    rates = {name: _stated_rate(sensor) for name, sensor in sensors.items() if isinstance(sensor, dict)}
     return {name: rate for name, rate in rates.items() if rate is not None and rate > RECORDED_HZ}
 
 
-def _rate(sensor: Mapping[str, Any]) -> float | None:
-    """The rate that a sensor states, or that of its preset, Hz; None where neither is a number."""
+def _stated_rate(sensor: Mapping[str, Any]) -> float | None:
+    """Return the rate that a sensor or its preset states, Hz; None where neither is a number."""
     preset = presets().get(str(sensor.get("preset")))
     rate = sensor.get("rate_hz", preset and preset.values.get("rate_hz"))
     return rate if isinstance(rate, int | float) else None
@@ -68,27 +68,27 @@ def _rate(sensor: Mapping[str, Any]) -> float | None:
 def _sensors(sensors: Mapping[str, Any], world: World, recorded: bool) -> Iterator[str]:
     effects = "typical" if world in ("typical", "recorded") else "ideal"
     for name, sensor in sensors.items():
-        stated = sensor if isinstance(sensor, dict) else {}
-        _refuse_another(stated.get("effects"), effects, world, f"sensors.{name}.effects")
+        keys = sensor if isinstance(sensor, dict) else {}
+        _refuse_another(keys.get("effects"), effects, world, f"sensors.{name}.effects")
         yield f"sensors.{name}.effects={effects}"
         if effects == "typical":
-            _refuse_another(stated.get("occlusion"), True, world, f"sensors.{name}.occlusion")
+            _refuse_another(keys.get("occlusion"), True, world, f"sensors.{name}.occlusion")
             yield f"sensors.{name}.occlusion=true"
-        rate = _rate(stated)
+        rate = _stated_rate(keys)
         if world == "recorded" and not recorded and (rate is None or rate > RECORDED_HZ):
             yield f"sensors.{name}.rate_hz={RECORDED_HZ}"
 
 
 def _truth(truth: Mapping[str, Any], world: World) -> Iterator[str]:
     if truth.get("source") == "recording" and (truth.get("readings") or truth.get("format") == "udacity"):
-        raise NoSuchWorld("none, for its measurements are recorded, and no world changes them", key="world")
+        raise NoSuchWorldError("none, for its measurements are recorded, and no world changes them", key="world")
     simulated = truth.get("source") == "highway-env"
     drivers = "steady" if world == "ideal" else "human"
     if world == "recorded" and truth.get("source") == "recorded-traffic":
         return
     if world == "recorded":
         if not simulated or truth.get("env") not in MOTORWAYS:
-            raise NoSuchWorld("none, for no recording of its kind of road comes with trackbench", key="world")
+            raise NoSuchWorldError("none, for no recording of its kind of road comes with trackbench", key="world")
         targets = truth.get("targets")
         named = isinstance(targets, dict) and "ids" in targets
         seeds = truth.get("seeds")
@@ -99,7 +99,7 @@ def _truth(truth: Mapping[str, Any], world: World) -> Iterator[str]:
         _refuse_another(truth.get("drivers"), drivers, world, "truth.drivers")
         yield f"truth.drivers={drivers}"
     elif world == "human":
-        raise NoSuchWorld("none, for its truth has no simulated drivers", key="world")
+        raise NoSuchWorldError("none, for its truth has no simulated drivers", key="world")
 
 
 def _refuse_another(stated: Any, value: str | bool, world: World, key: str) -> None:

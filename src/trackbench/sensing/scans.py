@@ -89,6 +89,11 @@ def ideal_sensors(
     ]
 
 
+def fingerprint_of(digest: bytes) -> str:
+    """Return the text that stands for a digest of measurements in results and exported files."""
+    return digest.hex()[:16]
+
+
 @dataclass(frozen=True)
 class Measurements:
     """Scans of a block of runs in acquisition order, and the origins of their detections, hidden from trackers."""

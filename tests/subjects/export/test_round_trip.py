@@ -14,7 +14,7 @@ from tests.support.places import DOCS
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.report.sentences import made_elsewhere
+from trackbench.report.sentences import external_tracks
 from trackbench.truth.formats.tables import Csv
 
 PAGE = (DOCS / "export.md").read_text(encoding="utf-8")
@@ -103,7 +103,7 @@ def test_a_run_without_a_track_is_missed_and_named(elsewhere: pd.DataFrame, tmp_
     three, four = (result_of(file, runs) for runs in (3, 4))
     assert three["theirs"].filed.silent_runs == 0
     assert (four["theirs"].filed.silent_runs, four["theirs"].filed.outside) == (1, 0)
-    (said,) = (text for text in made_elsewhere(four) if "every object counts as missed" in text)
+    (said,) = (text for text in external_tracks(four) if "every object counts as missed" in text)
     assert said.startswith("theirs: 0 of ")
     assert said.endswith(
         "rows outside the time of the truth are left out; there is no track in 1 run, where every object counts as "

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from tests.support.recorded_log import OBJECTS, STRAIGHT, Errors, write_log
@@ -441,3 +442,13 @@ def test_nonsense_ends_in_a_report_or_one_message(tmp_path: Path, name: str, col
     assert str(item)
     if not item.unexplained:
         check(load_scenario(tmp_path / "out" / "scenario.yaml"))
+
+
+def test_a_clock_that_was_set_during_the_log_is_no_clean_log(tmp_path: Path) -> None:
+    file = write_log(tmp_path)
+    table = pd.read_csv(tmp_path / "radar.csv")
+    table.loc[table["time"] > table["time"].median(), "time"] += 0.12
+    table.to_csv(tmp_path / "radar.csv", index=False)
+    item = audit(file)
+    assert "remaining" in [finding.kind for finding in item.findings]
+    assert item.sensors["radar"].square_after > 1.5

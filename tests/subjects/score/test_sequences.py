@@ -98,7 +98,7 @@ def test_each_tracker_is_a_folder_and_the_scenario_runs_again(five: Path, cli) -
     done = cli("score", "a", "b", "--truth", "gt", "--gate", "gospa:2%", "--no-recording")
     assert done.status == 1
     assert "gt: over 5 sequences a is best: T-GOSPA" in done.out
-    assert done.err.splitlines()[-1] == "1 of 1 limit broken: exit status 1 (0 if all limits are shown to be kept)"
+    assert done.err.splitlines()[-1] == "1 of 1 limit broken: exit status 1 (0: all kept)"
     again = cli("run", "results/gt.yaml", "--no-recording", "--out", "again", "--quiet")
     assert again.status == 0
     same = cli("compare", "results/gt", "again/gt", "--fail-on-regression", "gospa:0", "--quiet")

@@ -11,7 +11,7 @@ import pytest
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.report.sentences import made_elsewhere
+from trackbench.report.sentences import external_tracks
 
 
 def cars(seconds: float = 20) -> pd.DataFrame:
@@ -71,7 +71,7 @@ def test_tracks_of_another_recording_are_questioned(tmp_path: Path) -> None:
     result = scored(tmp_path, rows.assign(x=rows.x + 400))
     (remark,) = remarks(result)
     assert remark.startswith("0.0 % of its rows are within 5 m of an object")
-    assert any(remark in sentence for sentence in made_elsewhere(result))
+    assert any(remark in sentence for sentence in external_tracks(result))
 
 
 def test_a_tracker_of_one_car_of_six_with_false_tracks_is_in_its_frame(tmp_path: Path) -> None:

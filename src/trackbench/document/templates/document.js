@@ -1,5 +1,5 @@
 "use strict";
-// A page is whole without this. It folds the menu on a phone, and opens what is folded for printing.
+// Folds the menu on a phone, and opens folded sections for printing. A page is complete without this script.
 const menu = document.querySelector("details.menu"), narrow = matchMedia("(max-width: 60rem)");
 if (menu) {
   const fit = () => { menu.open = !narrow.matches; };

@@ -1,9 +1,9 @@
 "use strict";
-// Plays the scene inside each element of class "replay". The figure stays a still picture without this.
+// Plays the scene inside each element of class "replay". Without this script the figure is a still picture.
 {
-  // How long a trail, a measurement and the mark of an event are seen, s; the longest gap that a line of errors crosses.
+  // Time for which a trail, a measurement and an event's mark are shown, s; longest gap within a line of errors, s.
   const TRAIL = 2, SEEN = .3, MARKED = 1, GAP = 1;
-  // Metres across a view that follows a vehicle, and pixels to a metre from which on the whole scene is shown.
+  // Width of a view that follows a vehicle, m; scale from which the whole scene is shown, pixels per metre.
   const NEAR = 45, LEGIBLE = 7;
   const SAME = 5e-4;  // Times are rounded to milliseconds.
 
@@ -19,7 +19,7 @@
     return JSON.parse(await new Response(stream).text(), (key, value) => value?.quantum ? series(value) : value);
   };
 
-  // The place of the last of the times up to t, or -1.
+  // Returns the index of the last time up to t, or -1.
   const latest = (times, t) => {
     let low = -1, high = times.length;
     while (high - low > 1) {
@@ -34,7 +34,7 @@
     return i + 1 < times.length && times[i + 1] - t < t - times[i] ? times[i + 1] : times[i];
   };
 
-  // What a path is at a time: between two instants on the straight line from one to the other; null in a gap.
+  // Returns a path's values at a time, interpolated linearly between two instants; null in a gap.
   const stateAt = (path, t) => {
     const i = latest(path.time, t);
     if (i < 0) return null;
@@ -102,7 +102,7 @@
         this.draw();
       };
       new ResizeObserver(redraw).observe(above);
-      // The boxes here, and those that hide a tracker in every figure of the page.
+      // Checkboxes of this replay, and checkboxes that hide a tracker in every figure of the page.
       document.addEventListener("change", redraw);
       matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
       addEventListener("beforeprint", () => { box.classList.add("paper"); this.draw(); });
@@ -158,7 +158,7 @@
       this.seek(times[by > 0 ? i + 1 : onIt ? i - 1 : i] ?? this.time);
     }
 
-    // What is shown, and from where
+    // View
 
     isShown(name) {
       const tracker = this.trackers.get(name);
@@ -187,7 +187,7 @@
       this.draw();
     }
 
-    // The middle of the view: the followed vehicle, or where it was last, as far as the view does not leave the scene.
+    // Returns the middle of the view: the followed vehicle or its last position, moved so that the view stays in the scene.
     middle() {
       const path = this.followed, { clientWidth, clientHeight } = this.above;
       const at = path && (stateAt(path, this.time) ?? { last: Math.max(0, latest(path.time, this.time)) });
@@ -270,7 +270,7 @@
         pen.rotate(-state.heading);
         pen.globalAlpha = .25;
         pen.fillRect(-length / 2, -width / 2, length, width);
-        // The front, which says where it heads.
+        // The filled front shows the heading.
         pen.globalAlpha = .7;
         pen.fillRect(.36 * length, -width / 2, .14 * length, width);
         pen.globalAlpha = 1;
@@ -347,7 +347,7 @@
       pen.stroke();
     }
 
-    // A ring: the largest error, lost or merged; a cross: switched; a triangle: a false track begins.
+    // Marks: a ring for the largest error, lost or merged; a cross for a switch; a triangle for a new false track.
     drawMark(pen, { kind, tracker }, px, py, size) {
       Object.assign(pen, { strokeStyle: this.trackers.get(tracker).colour, lineWidth: 2 });
       pen.beginPath();
@@ -380,7 +380,7 @@
       pen.fillText(`${length} m`, 10, height - 16);
     }
 
-    // The time line: the error of each shown tracker, the events above it
+    // Time line: the error of each shown tracker, with the events above
 
     errorOf(name) {
       const line = this.scene.lines.find(it => it.tracker == name), i = line ? latest(line.time, this.time) : -1;
@@ -391,7 +391,7 @@
       return this.first + (x - this.axis.left) / this.axis.perSecond;
     }
 
-    // The largest value of the axis: a start or one bad instant does not set it, the worst moment is on it.
+    // Returns the end of the axis: it includes the worst moment, and cuts off a start or a single bad instant.
     topOf(lines) {
       const tops = lines.map(({ time, value }) => {
         const sorted = value.slice().sort(), i = latest(time, this.start);
@@ -441,7 +441,7 @@
     }
   }
 
-  // A browser without this keeps the still picture.
+  // An older browser keeps the still picture.
   const boxes = "DecompressionStream" in window ? document.querySelectorAll(".replay") : [];
   for (const box of boxes) {
     const figure = box.closest("figure");

@@ -1,4 +1,4 @@
-"""A comparison as a document and as files: trackers over scenarios, or a table of differences for each metric."""
+"""A comparison as a document: a ranking of trackers over scenarios, or a table of differences for each metric."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from trackbench.document import (
     Row,
     Section,
     Table,
-    named_apart,
+    with_name_prefix,
 )
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
@@ -55,11 +55,11 @@ from trackbench.results import json_text
 
 
 def comparison_document(comparison: Comparison, reports: Mapping[str, str] | None = None) -> Document:
-    """What a comparison says.
+    """Return the document of a comparison.
 
     Args:
-        comparison: what was found.
-        reports: path of the report of each result, relative to the document, by the result's label.
+        comparison: the comparison.
+        reports: paths of the results' reports, relative to the document, by label of the result.
     """
     styles = tracker_styles(comparison.places or comparison.trackers)
     parts = [_group_text(group, styles, reports or {}) for group in comparison.groups]
@@ -77,14 +77,14 @@ def comparison_document(comparison: Comparison, reports: Mapping[str, str] | Non
     )
 
 
-#: Of scenarios that the same metric ranks: title and blocks.
+#: Title and blocks of the scenarios that one metric ranks.
 _GroupText = tuple[str, tuple[Block, ...]]
 
 
 def _group_text(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
         blocks = ranking.ranking_blocks(comparison, reports)
-        return "Comparison of trackers", (*blocks, *reproduction(comparison))
+        return "Comparison of trackers", (*blocks, *reproduction_blocks(comparison))
     return f"Comparison{_over(comparison)}", tuple(difference_blocks(comparison, styles))
 
 
@@ -94,13 +94,13 @@ def _over(comparison: Comparison) -> str:
 
 
 def _section(comparison: Comparison, part: _GroupText) -> Section:
-    """One part of several; its tables and figures are named after what ranks."""
+    """Return one of several parts, whose tables and figures are named after the metric that ranks."""
     title = f"By {NAMES[comparison.ranked_by]}{_over(comparison)}"
-    return Section(title, named_apart(part[1], comparison.ranked_by))
+    return Section(title, with_name_prefix(part[1], comparison.ranked_by))
 
 
 def _notes(comparison: Comparison) -> Iterator[Block]:
-    """What a reader must know beside the numbers, and what could not be compared."""
+    """Yield a section with notes, and with the metrics that could not be compared."""
     notes = [*scenarios_without_truth(comparison), *(note for group in comparison.groups for note in group.notes)]
     missing = dict.fromkeys((item.metric, item.reason) for group in comparison.groups for item in group.not_compared)
     items = [Item(note) for note in notes]
@@ -110,7 +110,7 @@ def _notes(comparison: Comparison) -> Iterator[Block]:
 
 
 def scenarios_without_truth(comparison: Comparison) -> Iterator[str]:
-    """Which scenarios are not compared for want of a truth."""
+    """Yield a note on scenarios that are not compared because they have no truth."""
     if comparison.without_truth:
         yield f"{', '.join(comparison.without_truth)} not compared: no truth"
 
@@ -119,9 +119,9 @@ ENDINGS = (*DOCUMENT_ENDINGS, ".json")
 
 
 def batch_files(comparison: Comparison, folder: Path) -> Iterator[tuple[Path, bytes]]:
-    """A page, the same as Markdown with its figures, and the data.
+    """Yield paths and contents of the comparison as a page, as Markdown with figures, and as data.
 
-    The Markdown and the data have neither times nor links, so they are the same on every machine and can be kept.
+    Markdown and data have neither times nor links, so they are equal on every machine.
     """
     yield from comparison_files(comparison, folder / "comparison.html")
     yield from comparison_files(comparison, folder / "comparison.json")
@@ -130,7 +130,7 @@ def batch_files(comparison: Comparison, folder: Path) -> Iterator[tuple[Path, by
 
 
 def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path, bytes]]:
-    """The file of a comparison in the format of its ending, and what belongs to it."""
+    """Yield paths and contents of the files of a comparison, in the format of the path's ending."""
     if path.suffix == ".json":
         yield path, json_text(comparison.json()).encode()
     elif path.suffix == ".html":
@@ -141,7 +141,7 @@ def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path,
 
 
 def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
-    """Where each result's report is, relative to a folder; those that have none are left out."""
+    """Return the paths of the results' existing reports, relative to a folder, by label of the result."""
     scenarios = [scenario for group in comparison.groups for scenario in group.scenarios]
     pages = {}
     for label in {result.label for scenario in scenarios for result in scenario.results}:
@@ -152,14 +152,14 @@ def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
 
 
 def difference_blocks(comparison: Comparison, styles: Styles) -> Iterator[Block]:
-    """What became of the limits, the answer, the differences by metric, and the results."""
+    """Yield the limits, the answer, the differences by metric, and the results."""
     yield from answer_blocks(comparison)
     for metric, items in comparison.by_metric():
         yield Section(
             f"{metric}{unit_after_heading(items[0].unit)}", tuple(_metric_section(comparison, styles, metric, items))
         )
     yield Section("Results", (_results(comparison),))
-    yield from reproduction(comparison)
+    yield from reproduction_blocks(comparison)
 
 
 def _metric_section(
@@ -185,64 +185,66 @@ def _metric_section(
         title = "Each difference" if several else "Each pair"
         each = _differences(comparison, metric, items)
         yield Section(title, (replace(each, name=f"{each.name}-each"),), folded=True)
-    yield Paragraph(_method(items, _tested(comparison)))
+    yield Paragraph(_method(items, _tests(comparison)))
 
 
 def _pair(item: PairDifference) -> str:
     return f"{item.entrant.tracker} against {item.against.tracker}"
 
 
-def reproduction(comparison: Comparison) -> Iterator[Block]:
-    """The commands that make it again, where they are known."""
+def reproduction_blocks(comparison: Comparison) -> Iterator[Block]:
+    """Yield the commands that repeat the compared runs, if they are known."""
     if comparison.commands:
         yield Section("Reproduce", (Code("\n".join(comparison.commands), "sh"),))
 
 
-def _how(result: ComparedResult) -> str:
+def _pairing(result: ComparedResult) -> str:
     if not result.reason:
         return ""
     return f"{'unpaired' if result.shared_runs is None else 'paired'}: {result.reason}"
 
 
-def _tested(comparison: Comparison) -> int:
-    """Number of differences that are tested together; of several sets without those that are the same in every run."""
+def _tests(comparison: Comparison) -> int:
+    """Return the number of differences tested together; of several sets, identical results are not tested."""
     return sum(len(comparison.sets) == 1 or not item.identical for item in comparison.differences)
 
 
-def _method(items: Sequence[PairDifference], number: int) -> str:
-    """How differences of a metric are judged; ``number``: of those by all metrics that are tested together."""
+def _method(items: Sequence[PairDifference], tests: int) -> str:
+    """Return how the differences ``items`` of a metric are judged, where ``tests`` differences are tested together."""
     ways = [
         f"paired over {parts}"
         for parts in sorted({_parts(item, item.paired_runs) for item in items if item.paired_runs})
     ]
     ways += ["unpaired (Welch's test)"] * any(item.paired_runs is None for item in items)
-    corrected = f" for {number} differences together (Holm), and ± is the 95 % interval of each alone" * (number > 1)
+    corrected = f" for {tests} differences together (Holm), and ± is the 95 % interval of each alone" * (tests > 1)
     fewest, few_decide = min(item.scenes for item in items), any(item.few_scenes_decide for item in items)
     undrawn = "".join(f" {sentence}." for sentence in undrawn_scenes(fewest, few_decide))
     return f"Differences are {' or '.join(ways)}, judged at 5 %{corrected}; same: within the margin.{undrawn}"
 
 
 def _parts(item: PairDifference, runs: int) -> str:
-    """Say over which runs, scenes or stretches a difference is paired."""
-    of, stretches = parts_in_words(item.scenes_in_words, runs, item.scenes), item.stretches
-    return f"{counted(stretches, 'stretch', 'stretches')} of time of {of}" if stretches else of
+    """Return the runs, scenes or stretches over which a difference is paired."""
+    parts, stretches = parts_in_words(item.scenes_in_words, runs, item.scenes), item.stretches
+    return f"{counted(stretches, 'stretch', 'stretches')} of time of {parts}" if stretches else parts
 
 
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
-    """Every difference of a metric."""
     digits = difference_decimals(items)
 
     def with_reach(item: PairDifference) -> str:
         reach = "" if item.ci95 is None else f" ±{short(half_width(item.ci95), digits)}"
         return "0 in every run" if item.identical else short(item.difference, digits) + reach
 
-    tracker = (Column("tracker", left=True), [_name_cell(comparison, item) for item in items])
+    entrants = [item.entrant for item in items]
+    cells = [Cell(entrant_name(comparison, entrant), tracker=entrant.tracker) for entrant in entrants]
+    tracker = (Column("tracker", left=True), cells)
     if len(comparison.scenarios) > 1:
-        first = [(Column("scenario", left=True), [Cell(item.scenario) for item in items]), tracker]
+        names = [(Column("scenario", left=True), [Cell(item.scenario) for item in items]), tracker]
     else:
-        first = [tracker, (Column("against"), [_against_cell(comparison, item) for item in items])]
+        against = [Cell(entrant_name(comparison, item.against, item.entrant)) for item in items]
+        names = [tracker, (Column("against"), against)]
     columns = [
-        *first,
+        *names,
         (Column("difference"), [Cell(with_reach(item)) for item in items]),
         (
             Column("verdict", left=True),
@@ -258,21 +260,13 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
     return Table.of_columns(f"differences-{metric.replace('.', '-')}", columns)
 
 
-def _name_cell(comparison: Comparison, item: PairDifference) -> Cell:
-    return Cell(entrant_name(comparison, item.entrant), tracker=item.entrant.tracker)
-
-
-def _against_cell(comparison: Comparison, item: PairDifference) -> Cell:
-    return Cell(entrant_name(comparison, item.against, item.entrant))
-
-
 def _results(comparison: Comparison) -> Items:
-    """The results, and how they are compared."""
+    """Return the compared results, each with its runs, its seed and whether it is paired."""
     items = [
         Item(
             f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
             label=set_letter(result.set) if len(comparison.sets) > 1 else "",
-            detail=_how(result),
+            detail=_pairing(result),
         )
         for scenario in comparison.scenarios
         for result in scenario.results

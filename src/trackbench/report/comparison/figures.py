@@ -1,4 +1,4 @@
-"""The figures of a comparison."""
+"""The figure of differences in a comparison, and the ranked trackers."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ _ROW = 24.0
 def difference_figure(
     metric: str, items: Sequence[PairDifference], labels: Sequence[str], styles: Styles, best: str
 ) -> Figure:
-    """Each difference with its interval, in the unit of the metric; one that is zero in every run is left out.
+    """Return a figure of differences with intervals, in the unit of the metric.
 
-    What is far out, such as the baseline, is cut off and has its value beside it.
+    A difference that is zero in every run is left out. An outlier, such as the baseline, is cut off and has its value
+    beside it.
     """
     drawn = [
         (label, item.difference, item.ci95 or (item.difference,) * 2, styles[item.entrant.tracker])
@@ -34,22 +35,21 @@ def difference_figure(
     end = end_of_axis(max(map(abs, ends)) for _, _, ends, _ in drawn)
     shown = [side for _, _, ends, _ in drawn for side in ends if abs(side) <= end]
     low, high = min(shown, default=-end), max(shown, default=end)
-    low, high = (
-        side + way * 0.06 * (max(high, 0.0) - min(low, 0.0)) for side, way in ((min(low, 0.0), -1), (max(high, 0.0), 1))
-    )
-    what = f"{metric} minus that of {best}" if best else f"difference in {metric}"
+    low, high = min(low, 0.0), max(high, 0.0)
+    low, high = low - 0.06 * (high - low), high + 0.06 * (high - low)
+    quantity = f"{metric} minus that of {best}" if best else f"difference in {metric}"
     has_intervals, cut = any(item.ci95 for item in items), any(not low <= value <= high for _, value, *_ in drawn)
-    caption = f"Dots: {what}{'; bars: their 95 % intervals' * has_intervals}."
-    caption += " Points far out are cut off at the edge, with their value." * cut
-    caption += " Differences that are the same in every run are left out." * (len(drawn) < len(items))
+    caption = f"Dots: {quantity}{'; bars: their 95 % intervals' * has_intervals}."
+    caption += " Outliers are cut off at the edge, with their values." * cut
+    caption += " Differences that are zero in every run are left out." * (len(drawn) < len(items))
 
     def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=f"{what}{unit}")
+        axes = canvas.add_subplot(xlabel=f"{quantity}{unit}")
         axes.axvline(0.0, color=INK, linewidth=1)
         for y, (_, value, ends, style) in enumerate(drawn):
             axes.plot(np.clip(ends, low, high), [y, y], color=style.colour, linewidth=5, alpha=0.35)
             if low <= value <= high:
-                axes.plot([value], [y], markersize=6, **style.dot)
+                axes.plot([value], [y], markersize=6, **style.point_options)
             else:
                 place, side, arrow = (
                     (high, "right", "{} \N{RIGHTWARDS ARROW}") if value > 0 else (low, "left", "\N{LEFTWARDS ARROW} {}")
@@ -63,24 +63,24 @@ def difference_figure(
         name=f"differences-{metric.replace('.', '-')}",
         title=f"Differences in {metric}{unit}",
         caption=caption,
-        alternative=f"{what}{unit}: " + ", ".join(f"{label} {value:+.3g}" for label, value, *_ in drawn),
+        alternative=f"{quantity}{unit}: " + ", ".join(f"{label} {value:+.3g}" for label, value, *_ in drawn),
         paint=paint,
         height=50 + _ROW * len(drawn),
     )
 
 
 def competitors(comparison: Comparison) -> list[RankedTracker]:
-    """The ranked trackers, best first."""
+    """Return the ranked trackers that are no references, best first."""
     return [item for item in comparison.ranking if not item.reference]
 
 
 def ranked_label(item: RankedTracker) -> str:
-    """Its name, and whether it is a reference."""
+    """Return the name of a ranked tracker, marked if it is a reference."""
     return f"{item.tracker} (reference)" if item.reference else item.tracker
 
 
 def rank_groups(comparison: Comparison) -> list[list[RankedTracker]]:
-    """Return the groups of trackers of which no two are shown to differ, best first."""
+    """Return groups of trackers, best first; no two trackers of a group are shown to differ."""
     shown = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
     names = [item.tracker for item in competitors(comparison)]
     groups = groups_of(names, lambda a, b: frozenset((a, b)) in shown)

@@ -1,10 +1,9 @@
-"""Differences to the baseline over scenarios: a table with a pooled line, and the sentence on who is ahead."""
+"""Differences from the baseline over scenarios: a table with a pooled line, and a sentence on the leading tracker."""
 
 from __future__ import annotations
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
-from trackbench.compare.comparison import OverallChange
 from trackbench.compare.differences import differences_to
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.report.comparison.figures import competitors, ranked_label
@@ -17,9 +16,9 @@ TONES: dict[str, Tone] = {"better": "good", "worse": "bad"}
 
 
 def scenario_table(comparison: Comparison, metric: str) -> Table:
-    """Return the differences of a metric to the baseline in per cent, by scenario and over all of them.
+    """Return the differences of a metric from the baseline, %, by scenario and pooled over all scenarios.
 
-    The more numerous of trackers and scenarios go down the page.
+    Rows are the scenarios, or the trackers if there are more of them.
     """
     changes = [change for change in comparison.overall if change.metric == metric]
     of_metric = [item for item in comparison.differences if item.metric == metric]
@@ -53,7 +52,7 @@ def _label(comparison: Comparison, entrant: Entrant) -> str:
 
 
 def _difference_cell(item: PairDifference | None) -> Cell:
-    """A difference with its interval, its word, and in how many scenes the tracker is better."""
+    """Return a difference with its interval, its verdict, and the number of scenes in which the tracker is better."""
     if item is None:
         return Cell("")
     if item.identical:
@@ -75,18 +74,19 @@ def _cell(
 
 
 def change_decimals(percent: float, ci95: tuple[float, float] | None) -> int:
-    """Decimals of a change in per cent, to the first digit of half of its interval."""
+    """Return the decimals of a change, %, up to the first digit of half its interval."""
     half = half_width(ci95)
     return min(2, decimals([half], 1)) if half else int(abs(percent) < 10)
 
 
 def who_is_ahead(comparison: Comparison) -> str:
-    """Say who is ahead over the scenarios, by how much, and of whom; empty where nothing is pooled of the two."""
+    """Return which tracker leads over the scenarios, and by how much, or by mean rank if no error is pooled."""
     first, second = competitors(comparison)[:2]
     over = counted(len(comparison.scenarios), "scenario")
     other = second.tracker if comparison.baseline == first.tracker else comparison.baseline
     behind = first.tracker if other == comparison.baseline else other
-    change = next((item for item in comparison.overall if _is_of(item, comparison.ranked_by, behind)), None)
+    changes = [item for item in comparison.overall if item.metric == comparison.ranked_by]
+    change = next((item for item in changes if item.entrant.tracker == behind), None)
     if change is None or change.mean_percent is None:
         rank = rounded(first.mean_rank, 2)
         return COMPARED["ahead by rank"].format(
@@ -105,12 +105,8 @@ def who_is_ahead(comparison: Comparison) -> str:
     )
 
 
-def _is_of(item: OverallChange, metric: str, tracker: str | None) -> bool:
-    return item.metric == metric and item.entrant.tracker == tracker
-
-
 def _change_in_words(percent: float, ci95: tuple[float, float] | None) -> str:
-    """ "1.4 % larger (95 %: 0.5 to 2.3 %)", the interval in the same direction."""
+    """Return a change with its interval: "1.4 % larger (95 %: 0.5 to 2.3 %)"."""
     sign, word = (1, "larger") if percent > 0 else (-1, "smaller")
     places = change_decimals(percent, ci95)
     text = f"{rounded(sign * percent, places)} % {word}"

@@ -1,4 +1,4 @@
-"""Several results in order: where a change is first shown, what else changed there, and a figure of each metric."""
+"""Results in the order of time: where a change is first shown, what else changed, and a figure of each metric."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackbench.report.tables import unit_after_heading
 from trackbench.results import MetricValue
 
 _HEIGHT = 260.0
-#: Distance between trackers in a figure, results.
+#: Horizontal distance between the points of two trackers, as a share of the distance between two results.
 _APART = 0.06
 
 
@@ -29,9 +29,9 @@ def is_over_time(comparison: Comparison) -> bool:
 
 
 def first_shown(items: Sequence[PairDifference]) -> list[PairDifference]:
-    """Return the differences at which a tracker is first shown to differ from the baseline, in the order of the sets.
+    """Return the first difference of each change that is shown, in the order of the sets.
 
-    A change counts until the tracker is equivalent again; an undecided result leaves it as it was.
+    A change lasts until the tracker is equivalent to the baseline again; an undecided result does not end it.
     """
     marks, verdicts = [], dict[str, str]()
     for item in sorted(items, key=lambda item: item.entrant.set):
@@ -43,7 +43,7 @@ def first_shown(items: Sequence[PairDifference]) -> list[PairDifference]:
 
 
 def first_shown_in_words(comparison: Comparison, items: Sequence[PairDifference]) -> str:
-    """Say from which result on each change is shown, and what else changed there."""
+    """Return from which result on each change is shown, and what else changed in that result."""
     sentences = []
     for item in first_shown(items):
         changes = "; ".join(comparison.origins[item.entrant.set].changes)
@@ -53,7 +53,7 @@ def first_shown_in_words(comparison: Comparison, items: Sequence[PairDifference]
 
 
 def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDifference], styles: Styles) -> Figure:
-    """Draw a line for each tracker over the results, with its intervals, and a ring where a change is first shown."""
+    """Return a figure with each tracker's values and intervals over the results, and rings at changes first shown."""
     names = [name for name in styles if name in {item.entrant.tracker for item in items}]
     path = metric.removesuffix(".mean")
     values = {(s.entrant.tracker, s.entrant.set): s.metrics[path] for s in comparison.scores if path in s.metrics}
@@ -62,17 +62,17 @@ def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDiffe
         for name in names
     }
     rings = {name: [mark.entrant.set for mark in first_shown(items) if mark.entrant.tracker == name] for name in names}
-    highest = {name: max((value.value or 0.0 for value in own), default=0.0) for name, own in by_name.items()}
-    is_positive = all((value.value or 0.0) >= 0.0 for own in by_name.values() for value in own)
+    highest = {name: max((item.value or 0.0 for item in metrics), default=0.0) for name, metrics in by_name.items()}
+    is_positive = all((item.value or 0.0) >= 0.0 for metrics in by_name.values() for item in metrics)
     top = 1.25 * end_of_axis(highest.values()) if is_positive else 0.0
     cut = [name for name, value in highest.items() if value > top > 0.0]
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel="result", ylabel=f"{metric}{unit_after_heading(items[0].unit)}")
-        for number, (name, own) in enumerate(by_name.items()):
-            places = np.arange(len(own)) + _APART * (number - (len(names) - 1) / 2)
-            value = np.array([np.nan if item.value is None else item.value for item in own])
-            low, high = np.array([item.ci95 or (np.nan, np.nan) for item in own]).T
+        for number, (name, metrics) in enumerate(by_name.items()):
+            places = np.arange(len(metrics)) + _APART * (number - (len(names) - 1) / 2)
+            value = np.array([np.nan if item.value is None else item.value for item in metrics])
+            low, high = np.array([item.ci95 or (np.nan, np.nan) for item in metrics]).T
             style = styles[name]
             axes.plot(places, value, linestyle=style.line, marker="o", markersize=3, color=style.colour, gid=style.key)
             axes.vlines(places, low, high, linewidth=1.2, alpha=0.6, color=style.colour, gid=style.key)
@@ -96,7 +96,7 @@ def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDiffe
 
 
 def origin_blocks(comparison: Comparison) -> Iterator[Block]:
-    """Yield when each set was made, of which commit, and what else changed since the set before."""
+    """Yield a section with the date and commit of each set, and everything else that changed since the previous set."""
     if comparison.origins:
         items = [Item(_origin(origin), label=set_letter(origin.set)) for origin in comparison.origins]
         yield Section("When they were made, and what else changed", (Items(tuple(items)),))

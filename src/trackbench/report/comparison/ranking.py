@@ -1,4 +1,4 @@
-"""Trackers over scenarios: the ranking, and what each tracker reached in each scenario."""
+"""Trackers over scenarios: the ranking, and each tracker's metrics in each scenario."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.verdicts import mean_text
 from trackbench.report.comparison.figures import competitors, rank_groups, ranked_label
 from trackbench.report.comparison.over_scenarios import scenario_table, who_is_ahead
-from trackbench.report.comparison.sentences import NAMES, certainty, world_tables
+from trackbench.report.comparison.sentences import NAMES, lead_certainty, world_tables
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     decimals,
@@ -29,7 +29,7 @@ from trackbench.report.tables import tone_of
 from trackbench.report.verdicts import COMPARED
 
 _ToCell = Callable[[EntrantScore, int], Cell]
-#: Title and metric of each matrix, where identities are known and where they are hidden.
+#: Metrics of the matrices by title, for known and for hidden identities.
 _OF_ESTIMATES = {
     "Position RMSE, m": "position_rmse",
     "Velocity RMSE, m/s": "velocity_rmse",
@@ -44,27 +44,28 @@ _OF_TRACKS = {
 
 
 def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
-    """The answer, the ranking, a matrix for each quantity, the scenarios, and what has no score."""
+    """Yield the answer, the ranking, a matrix for each metric, the scenarios, and the failures."""
     if len(competitors(comparison)) > 1:
-        yield Paragraph(f"{who_is_ahead(comparison)} {certainty(comparison)}", strong=True)
+        yield Paragraph(f"{who_is_ahead(comparison)} {lead_certainty(comparison)}", strong=True)
     if any(len(names) > 1 for names in comparison.sets_of_scenes):
-        yield Paragraph(f"{_compared(comparison)}.")
+        yield Paragraph(f"{_extent(comparison)}.")
     for metric in dict.fromkeys(change.metric for change in comparison.overall):
         name = NAMES.get(metric, metric)
         title = f"{name[0].upper()}{name[1:]} against {comparison.baseline}"
         words = COMPARED["words"].format(over=f"All {len(comparison.scenarios)}", family="a scenario")
         yield Section(title, (scenario_table(comparison, metric), Paragraph(words)))
-    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(_letters(comparison)))
-    yield Section("Mean ranks", (_overall(comparison), method))
+    letters = _group_letters(comparison)
+    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(letters))
+    yield Section("Mean ranks", (_mean_ranks(comparison, letters), method))
     if comparison.worlds:
         yield Section("In which worlds does it hold?", tuple(world_tables(comparison)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
     matrices = _OF_TRACKS if comparison.ranked_by == "tgospa" else _OF_ESTIMATES
     for title, metric in matrices.items():
-        ranked = metric == comparison.ranked_by
-        cell = _ranked(metric) if ranked else _nees if metric == "nees" else _plain(metric)
+        is_ranked = metric == comparison.ranked_by
+        cell = _ranked_cell(metric) if is_ranked else _nees_cell if metric == "nees" else _plain_cell(metric)
         table = _matrix(comparison, links, metric.replace("_", "-"), metric, cell)
-        yield Section(title, (table, *([Paragraph(_ranked_note(table))] if ranked else [])))
+        yield Section(title, (table, *([Paragraph(_ranked_note(table))] if is_ranked else [])))
     yield Section("Scenarios", (_scenarios(comparison, links),))
     failures = [
         Item(f"in {score.scenario}: {score.failure}", label=score.entrant.tracker, tone="bad")
@@ -75,8 +76,8 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
         yield Section("Without a score", (Items(tuple(failures)),))
 
 
-def _compared(comparison: Comparison) -> str:
-    """How many trackers and scenarios are compared, and which of these share their scenes."""
+def _extent(comparison: Comparison) -> str:
+    """Return the numbers of trackers and scenarios, and which scenarios share their scenes."""
     ranking, sets = competitors(comparison), comparison.sets_of_scenes
     text = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
     shared = [joined_names(names) for names in sets if len(names) > 1]
@@ -94,13 +95,13 @@ _GROUPS = (
 )
 
 
-def _overall(comparison: Comparison) -> Table:
-    """Every tracker over all scenarios, best first."""
+def _mean_ranks(comparison: Comparison, letters: list[str]) -> Table:
+    """Return mean rank, wins and losses of each tracker over all scenarios, best first."""
     items = comparison.ranking
     ranks = ["" if item.reference else str(i) for i, item in enumerate(items, 1)]
     names = [Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker) for item in items]
     texts = {
-        "group": _letters(comparison),
+        "group": letters,
         "mean rank": [rounded(item.mean_rank, 2) for item in items],
         "95 % interval": [interval_text(item.ci95, 2) for item in items],
         "won": [str(item.won) for item in items],
@@ -120,8 +121,8 @@ def _overall(comparison: Comparison) -> Table:
     return Table.of_columns("ranking", columns)
 
 
-def _letters(comparison: Comparison) -> list[str]:
-    """Letters such that two trackers share one exactly when their mean ranks are not shown to differ."""
+def _group_letters(comparison: Comparison) -> list[str]:
+    """Return letters; two trackers share one exactly if their mean ranks are not shown to differ."""
     competing, sets = competitors(comparison), comparison.sets_of_scenes
     if len(competing) < 2 or len(sets) < fewest_sets(len(competing)):
         return [""] * len(comparison.ranking)
@@ -134,21 +135,19 @@ def _letters(comparison: Comparison) -> list[str]:
 
 
 def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric: str, cell: _ToCell) -> Table:
-    """One metric, scenarios down and trackers across in the order of the ranking."""
+    """Return a table of one metric, with scenarios as rows and trackers as columns in the order of the ranking."""
     rows = []
     for scenario in comparison.scenarios:
         scores = {score.entrant.tracker: score for score in comparison.scores if score.scenario == scenario.name}
         places = decimals([score.value(metric) for score in scores.values()])
-        own = [scores.get(item.tracker) for item in comparison.ranking]
-        cells = (Cell("") if score is None else cell(score, places) for score in own)
+        ranked = [scores.get(item.tracker) for item in comparison.ranking]
+        cells = (Cell("") if score is None else cell(score, places) for score in ranked)
         rows.append((Cell(scenario.name, link=links[scenario.name]), *cells))
     columns = (Column("scenario", left=True), *(Column(ranked_label(item)) for item in comparison.ranking))
     return Table(name, columns, tuple(rows))
 
 
-def _plain(metric: str) -> _ToCell:
-    """A value with half of its interval."""
-
+def _plain_cell(metric: str) -> _ToCell:
     def cell(score: EntrantScore, places: int) -> Cell:
         value = score.metrics.get(metric)
         if value is None:
@@ -158,11 +157,9 @@ def _plain(metric: str) -> _ToCell:
     return cell
 
 
-def _ranked(metric: str) -> _ToCell:
-    """The metric that ranks, with the runs that diverged; the best stand out."""
-
+def _ranked_cell(metric: str) -> _ToCell:
     def cell(score: EntrantScore, places: int) -> Cell:
-        plain = _plain(metric)(score, places)
+        plain = _plain_cell(metric)(score, places)
         diverged = (f"{counted(score.diverged_runs, 'run')} diverged",) if score.diverged_runs else ()
         return replace(plain, details=(*plain.details, *diverged), strong=score.leading)
 
@@ -170,7 +167,7 @@ def _ranked(metric: str) -> _ToCell:
 
 
 def _ranked_note(table: Table) -> str:
-    """What is beside the values of a table, and what is bold in it."""
+    """Return the meaning of the small print and of bold values in a table."""
     details = [detail for row in table.rows for cell in row for detail in cell.details]
     halves, ends = any(detail.startswith("±") for detail in details), any(" to " in detail for detail in details)
     beside = " or ".join(["half of its 95 % interval"] * halves + ["its ends"] * ends)
@@ -178,7 +175,7 @@ def _ranked_note(table: Table) -> str:
     return f"{with_beside}Bold: the best of the scenario, and every tracker not shown to be worse than it."
 
 
-def _nees(score: EntrantScore, _: int) -> Cell:
+def _nees_cell(score: EntrantScore, _: int) -> Cell:
     nees = score.metrics.get("nees")
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
@@ -187,15 +184,15 @@ def _nees(score: EntrantScore, _: int) -> Cell:
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:
-    """What each scenario is, and whether its expectations were met."""
+    """Return description, runs, seed and met expectations of each scenario."""
     scenarios = comparison.scenarios
-    first = [scenario.results[0] for scenario in scenarios]
-    met = [f"{r.expectations_met} of {r.expectations} met" if r.expectations else "none stated" for r in first]
+    results = [scenario.results[0] for scenario in scenarios]
+    met = [f"{r.expectations_met} of {r.expectations} met" if r.expectations else "none stated" for r in results]
     columns = [
         (Column("scenario", left=True), [Cell(item.name, link=links[item.name]) for item in scenarios]),
         (Column("what it shows", left=True), [Cell(item.description) for item in scenarios]),
-        (Column("runs"), [Cell(str(result.runs)) for result in first]),
-        (Column("seed"), [Cell(str(result.seed)) for result in first]),
+        (Column("runs"), [Cell(str(result.runs)) for result in results]),
+        (Column("seed"), [Cell(str(result.seed)) for result in results]),
         (Column("expectations"), list(map(Cell, met))),
     ]
     return Table.of_columns("scenarios", columns)

@@ -1,4 +1,4 @@
-"""Sentences with which a comparison begins: limits that failed, the best tracker, its lead, and in which worlds."""
+"""First sentences of a comparison: failed limits, the best tracker, its lead, and the worlds in which it leads."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from trackbench.report.verdicts import COMPARED
 from trackbench.results.tracker_result import BEATS_BOUND
 from trackbench.scenario.worlds import MEANING
 
-#: The metrics that rank, in words.
+#: Names of the metrics that rank.
 NAMES = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
-#: Differences of one verdict that are listed.
+#: Differences of one verdict that a sentence lists.
 LISTED = 3
 
 
 def gate_items(comparison: Comparison) -> tuple[Item, ...]:
-    """Return a line for each limit that is not shown to be kept, those that are broken first."""
+    """Return a line for each limit that is not shown to be kept, broken limits first."""
     place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
     return tuple(
         Item(
@@ -39,37 +39,36 @@ def gate_items(comparison: Comparison) -> tuple[Item, ...]:
 
 
 def answer_blocks(comparison: Comparison) -> Iterator[Block]:
-    """Whether the gate failed, and for each metric who is best, or what has changed."""
+    """Yield whether the limits are kept, and for each metric which tracker is best or what has changed."""
     if comparison.gates:
         yield Status(limits_in_words(comparison.outcomes), "good" if comparison.passed else "bad")
     if not_kept := gate_items(comparison):
         yield Items(not_kept)
-    lost = _lost(comparison)
+    failures = _failures(comparison)
     for metric, items in comparison.by_metric():
         best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
         text = _best(comparison, best, items) if best else _changes(comparison, items)
-        yield Paragraph(f"{lost}By {NAMES.get(metric, metric)}: {text}", strong=True)
-        lost = ""
-    if lost:
-        yield Paragraph(lost.strip(), strong=True)
+        yield Paragraph(f"{failures}By {NAMES.get(metric, metric)}: {text}", strong=True)
+        failures = ""
+    if failures:
+        yield Paragraph(failures.strip(), strong=True)
 
 
-def _lost(comparison: Comparison) -> str:
-    """ "mine failed in B. ", of the trackers without a score, of which no difference tells."""
+def _failures(comparison: Comparison) -> str:
+    """Return a sentence on trackers without a score, such as "mine failed in B. "."""
     parts = []
     for score in (score for score in comparison.scores if score.failure):
         places = [set_letter(score.entrant.set)] if len(comparison.sets) > 1 else []
         places += [score.scenario] if len(comparison.scenarios) > 1 else []
-        beats_bound = BEATS_BOUND in score.failure
-        what = "beats the Cramér-Rao bound" if beats_bound else "failed"
-        parts.append(f"{score.entrant.tracker} {what}{' in ' * bool(places)}{', '.join(places)}")
+        failure = "beats the Cramér-Rao bound" if BEATS_BOUND in score.failure else "failed"
+        parts.append(f"{score.entrant.tracker} {failure}{' in ' * bool(places)}{', '.join(places)}")
     return f"{', '.join(parts[:LISTED])}{number_left_out(parts)}. " if parts else ""
 
 
 def best_tracker(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
-    """The tracker with the best value of a metric, in the only scenario of one set; None where it has no direction.
+    """Return the tracker, not a reference, with the best value of a metric in the only scenario of one set.
 
-    References are no competitors.
+    None if it is unknown whether small or large values are better.
     """
     sign = _better_sign(comparison, items)
     if sign is None:
@@ -81,7 +80,7 @@ def best_tracker(comparison: Comparison, items: Sequence[PairDifference]) -> str
 
 
 def _better_sign(comparison: Comparison, items: Sequence[PairDifference]) -> float | None:
-    """1 of a metric of which the smaller is better, -1 of one of which the larger is; None where nothing tells it."""
+    """Return 1 if smaller values of a metric are better, -1 if larger ones are; None if that is unknown."""
     shown = next((item for item in items if item.verdict in ("better", "worse")), None)
     if shown is None:
         return 1.0 if items[0].metric == comparison.ranked_by else None
@@ -89,15 +88,15 @@ def _better_sign(comparison: Comparison, items: Sequence[PairDifference]) -> flo
 
 
 def differences_from(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
-    """The other trackers held against this one, the nearest first."""
+    """Return the other trackers' differences from the best, the smallest first."""
     return sorted(differences_to(best, items), key=lambda item: abs(item.difference))
 
 
 def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) -> str:
-    """Who is best, which competitor follows by how much, and which are shown to be worse."""
-    every, names = differences_from(best, items), [item.tracker for item in competitors(comparison)]
-    behind = [item for item in every if item.entrant.tracker in names] or every
-    following, *others = behind
+    """Return which tracker is best, which competitor follows by how much, and which are shown to be worse."""
+    differences, names = differences_from(best, items), [item.tracker for item in competitors(comparison)]
+    behind = [item for item in differences if item.entrant.tracker in names] or differences
+    following = behind[0]
     words = {"worse": "shown to be worse", EQUIVALENT: "no difference that matters"}
     text = COMPARED["best"].format(
         best=best,
@@ -106,67 +105,67 @@ def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) ->
         following=_changed(following.entrant.tracker, behind, following),
         word=words.get(following.verdict, "not shown to be worse"),
     )
-    worse = [item for item in others if item.verdict == "worse"]
+    worse = [item for item in behind[1:] if item.verdict == "worse"]
     listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
     return f"{text} {COMPARED['worse'].format(listed=listed + number_left_out(worse))}" if worse else text
 
 
 def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
-    """What has become worse, better or neither, the largest changes first."""
+    """Return which trackers have become worse, better or neither, the largest changes first."""
     parts = []
     for verdict in sorted(VERDICTS, key=["worse", "better", "larger", "smaller", UNDECIDED, EQUIVALENT].index):
-        own = sorted((item for item in items if item.verdict == verdict), key=lambda item: -abs(item.percent or 0.0))
-        listed = ", ".join(
-            _changed(difference_subject(comparison, item), items, item) for item in own[:LISTED]
-        ) + number_left_out(own)
+        changes = [item for item in items if item.verdict == verdict]
+        changes.sort(key=lambda item: -abs(item.percent or 0.0))
+        listed = ", ".join(_changed(difference_subject(comparison, item), items, item) for item in changes[:LISTED])
+        listed += number_left_out(changes)
         if verdict == EQUIVALENT:
-            same = sum(item.identical for item in own)
-            number = "" if same == len(own) else f"{same} "
-            listed = f"{len(own)}{f' ({number}the same in every run)' if same else ''}"
-        parts += [f"{difference_word(verdict)}{' to differ' * (verdict == UNDECIDED)}: {listed}"] if own else []
+            same = sum(item.identical for item in changes)
+            number = "" if same == len(changes) else f"{same} "
+            listed = f"{len(changes)}{f' ({number}the same in every run)' if same else ''}"
+        parts += [f"{difference_word(verdict)}{' to differ' * (verdict == UNDECIDED)}: {listed}"] if changes else []
     return f"{'; '.join(parts)}."
 
 
 def number_left_out(items: Sequence[object]) -> str:
-    """How many are left out of a list."""
+    """Return how many items a sentence leaves out, as " and 2 more"; empty without any."""
     return f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
 
 
-def _changed(who: str, items: Sequence[PairDifference], item: PairDifference) -> str:
-    """Such as "ekf_cv +0.0152 ±0.0068 m (+16 %)"."""
+def _changed(subject: str, items: Sequence[PairDifference], item: PairDifference) -> str:
+    """Return a difference with its subject, as "ekf_cv +0.0152 ±0.0068 m (+16 %)"."""
     digits, half = difference_decimals(items), half_width(item.ci95)
     width = "" if half is None else f" ±{short(half, digits)}"
     sign = "+" if item.difference > 0 else ""
     share = "" if item.percent is None else f" ({in_percent(item.percent)} %)"
-    return f"{who} {sign}{short(item.difference, digits)}{width}{unit_after(item.unit)}{share}"
+    return f"{subject} {sign}{short(item.difference, digits)}{width}{unit_after(item.unit)}{share}"
 
 
 def unit_after(unit: str) -> str:
-    """As it stands after a value."""
+    """Return a unit in the form that follows a value: " m"."""
     return "" if unit == "1" else f" {unit}"
 
 
 def difference_decimals(items: Sequence[PairDifference]) -> int:
-    """Decimals that show the values to three digits and the smallest uncertainty to one."""
+    """Return the decimals that show the values to three digits and the smallest uncertainty to one."""
     widths = [half for item in items if not item.identical and (half := half_width(item.ci95)) is not None]
     return max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
 
 
 def in_percent(value: float | None) -> str:
-    """With its sign."""
+    """Return a percentage with its sign, without "%"; "n/a" for None."""
     if value is None:
         return NOT_AVAILABLE
     return signed(value, 1 if abs(value) < 10 else 0)
 
 
 def difference_subject(comparison: Comparison, item: PairDifference) -> str:
-    """What a difference is of: the tracker, and the scenario where there are several."""
+    """Return the tracker of a difference, with the scenario if there are several."""
     place = f" in {item.scenario}" if len(comparison.scenarios) > 1 else ""
     return f"{entrant_name(comparison, item.entrant)}{place}"
 
 
 def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:
-    """As short as tells two entrants apart."""
+    """Return the shortest name of an entrant that distinguishes it from the others, or from ``other`` alone."""
     if len(comparison.sets) == 1:
         return entrant.tracker
     if other is not None and entrant.tracker == other.tracker:
@@ -175,12 +174,12 @@ def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None
 
 
 def set_letter(number: int) -> str:
-    """Of a set of results."""
+    """Return the letter of a set of results, from A; from the 27th set on its number."""
     return chr(ord("A") + number) if number < 26 else str(number + 1)
 
 
-def certainty(comparison: Comparison) -> str:
-    """Say whether the lead of the first in the ranking is shown of other scenarios."""
+def lead_certainty(comparison: Comparison) -> str:
+    """Return whether the lead of the first tracker in the ranking is shown for other scenarios."""
     ranking = competitors(comparison)
     wanted = fewest_sets(len(ranking))
     if len(comparison.sets_of_scenes) < wanted:
@@ -196,7 +195,7 @@ _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "war
 
 
 def world_tables(comparison: Comparison) -> Iterator[Table]:
-    """Yield of each scenario in several worlds the pairs whose order is shown in some, and who is ahead where."""
+    """Yield, for each scenario in several worlds, the pairs of trackers with the better one in each world."""
     meanings = {str(world): meaning for world, meaning in MEANING.items()}
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]

@@ -1,1 +1,1 @@
-"""The figures of a run's report. Each function prepares one, and draws nothing."""
+"""Figures of a run's report, drawn when a renderer needs them."""

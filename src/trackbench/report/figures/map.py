@@ -1,32 +1,28 @@
-"""A scene from above: a still map of its paths, which a page replaces by the replay of the scene."""
+"""A map of a scene's paths from above, which an HTML page replaces by the replay of the scene."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
-from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title, shortened_to_width
-from trackbench.document.palette import OBSERVER_COLOUR
 from trackbench.document.replay import ReplayPath, ReplayScene
-from trackbench.results.columns import Columns
 
-#: A scene longer than this many times its width (a straight road) is drawn stretched across.
+#: A scene longer than this many times its width, such as a straight road, is drawn with a larger scale across.
 ELONGATED = 4.0
-#: Height of a panel, points.
+#: Largest height of a panel, and the height of an elongated scene's panel, points.
 TALLEST, STRETCHED = 400.0, 150.0
-#: The widest name of an object, points.
+#: Width at which the name of an object is shortened, points.
 NAME = 90.0
 
 _Look = dict[str, Any]
 _RING: _Look = {"marker": "o", "markersize": 7, "color": INK, "markerfacecolor": "none", "markeredgewidth": 1.6}
-#: How each kind of event is marked, and the largest error: by its shape alone, a colour is a tracker's.
+#: Mark of each kind of event, distinct by shape, as colours stand for trackers.
 MARKS: dict[str, _Look] = {
     "worst": {**_RING, "markersize": 12},
     "switched": {**_RING, "marker": "x"},
@@ -34,7 +30,7 @@ MARKS: dict[str, _Look] = {
     "merged": _RING,
     "false": {**_RING, "marker": "^"},
 }
-#: The entries of the legend by the kinds of events that they explain.
+#: Entry of the legend for kinds of events.
 _LEGEND = {
     ("worst",): LegendEntry("largest error", INK, "ring"),
     ("switched",): LegendEntry("switch", INK, "cross"),
@@ -43,20 +39,13 @@ _LEGEND = {
 }
 
 
-def path_of(rows: Columns) -> tuple[Array, Array]:
-    """Return x and y, m, of the path of an object or track, of an object while it is in the scene."""
-    there = np.asarray(rows.get("alive", np.ones(len(rows["px_m"]))), dtype=bool)
-    return rows["px_m"][there], rows["py_m"][there]
-
-
 def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
-    """Return the true paths and, in a panel for each tracker that is shown at first, its estimates and events over
-    them.
+    """Return a map of the true paths, in a panel for each tracker shown at first with its estimates and events.
 
     Args:
-        scene: what is drawn, and played in a page.
-        caption: after what the lines are.
-        name: of the figure.
+        scene: scene that is drawn, and that an HTML page plays.
+        caption: text after the meaning of the lines.
+        name: name of the figure's file.
     """
     shown = [tracker for tracker in scene.trackers if tracker.name in scene.shown]
     vehicles = [path for path in scene.paths if not path.tracker]
@@ -70,21 +59,21 @@ def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
     marks = [event for event in scene.events if event.tracker in estimates]
 
     def paint(canvas: Canvas) -> None:
-        every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-        for axes in every:
+        all_axes = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+        for axes in all_axes:
             _draw_truth(axes, scene, vehicles)
             axes.set(xlim=(left, right), ylim=(bottom, top), ylabel="y, m")
             if not is_stretched:
                 axes.set_aspect("equal")
-        for axes, tracker in zip(every, shown, strict=False):
+        for axes, tracker in zip(all_axes, shown, strict=False):
             panel_title(axes, tracker.name, across)
             for path in estimates[tracker.name]:
                 axes.plot(*path.position, color=path.colour, linewidth=1.2)
             for event in marks:
                 if event.tracker == tracker.name:
-                    look = MARKS[event.kind]
-                    axes.plot(event.x_m, event.y_m, zorder=5, gid=f"{event.kind}-{tracker.key}", **look)
-        every[-1].set_xlabel("x, m")
+                    gid, mark = f"{event.kind}-{tracker.key}", MARKS[event.kind]
+                    axes.plot(event.x_m, event.y_m, zorder=5, gid=gid, **mark)
+        all_axes[-1].set_xlabel("x, m")
 
     lines = "True paths in grey from the dot to the name, the observer's dotted"
     lines += "; estimates or tracks in the tracker's colour." if shown else "."
@@ -93,7 +82,7 @@ def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
         name,
         "From above",
         f"{lines} {caption}".rstrip() + " The axes have different scales." * is_stretched,
-        f"Map of {counted(sum(path.colour != OBSERVER_COLOUR for path in vehicles), 'vehicle')}. {counts}".rstrip(),
+        f"Map of {counted(sum(not path.is_observer for path in vehicles), 'vehicle')}. {counts}".rstrip(),
         paint,
         30 + rows * height,
         legend=tuple(entry for kinds, entry in _LEGEND.items() if any(event.kind in kinds for event in scene.events)),
@@ -103,13 +92,13 @@ def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
 
 
 def _draw_truth(axes: Axes, scene: ReplayScene, vehicles: Sequence[ReplayPath]) -> None:
-    """Draw the edges of lanes, the path of the observer and those of the objects, with their names."""
+    """Draw the edges of lanes, the observer's path, and the objects' paths with their names."""
     axes.grid(visible=False)
     for lane in scene.lanes:
         axes.plot(*lane, color=GRID, linewidth=1.5)
     for path in vehicles:
         start, (x, y) = path.position[:, :1], path.position[:, -1].tolist()
-        if path.colour == OBSERVER_COLOUR:
+        if path.is_observer:
             axes.plot(*path.position, color=MUTED, linewidth=1.4, linestyle=(0, (1.5, 1.5)))
             axes.plot(*start, color=MUTED, marker="s", markersize=5)
             continue

@@ -1,4 +1,4 @@
-"""Figures over time: errors, GOSPA, NEES and NIS, a line for each tracker from a result's tables."""
+"""Figures of errors, NEES and GOSPA over time, with a line for each tracker."""
 
 from __future__ import annotations
 
@@ -16,35 +16,36 @@ from trackbench.document.palette import tracker_figure
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
 
-#: Errors are averaged over time to about so many points, or a sensor that alternates with another fills the figure.
+#: Points to which errors are averaged over time, as sensors that alternate would fill the figure with zigzag.
 _POINTS = 100
 
 
 class Line(NamedTuple):
-    """What is drawn of one tracker."""
+    """Line of one tracker."""
 
     style: TrackerStyle
     time: Array
-    """s"""
+    """Time, s."""
     value: Array
 
 
-#: By tracker, its columns of the table "steps".
+#: Columns of the table "steps", by tracker.
 Steps = Mapping[tuple[str, ...], Columns]
 
 
-def lines(steps: Steps, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
-    """Return the column ``name`` of each tracker that has values in it."""
-    own = ((style, steps.get((style.name,), {})) for style in styles)
-    return [Line(style, rows["time_s"], rows[name]) for style, rows in own if np.isfinite(rows.get(name, np.nan)).any()]
+def tracker_lines(steps: Steps, styles: Sequence[TrackerStyle], column: str) -> list[Line]:
+    """Return a column of the table "steps" as a line for each tracker that has values in it."""
+    tables = ((style, steps.get((style.name,), {})) for style in styles)
+    return [Line(s, rows["time_s"], rows[column]) for s, rows in tables if np.isfinite(rows.get(column, np.nan)).any()]
 
 
-def smooth_lines(steps: Steps, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
-    """The same as root mean squares over equal stretches of time."""
-    return [Line(line.style, *_stretches(line.time, line.value)) for line in lines(steps, styles, name)]
+def smoothed_lines(steps: Steps, styles: Sequence[TrackerStyle], column: str) -> list[Line]:
+    """Return a column as lines of root mean squares over equal stretches of time."""
+    lines = tracker_lines(steps, styles, column)
+    return [Line(line.style, *_rms_over_stretches(line.time, line.value)) for line in lines]
 
 
-def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
+def _rms_over_stretches(time: Array, value: Array) -> tuple[Array, Array]:
     size = max(1, round(len(time) / _POINTS))
     starts = np.arange(0, len(time) - size + 1, size)
     finite = np.isfinite(value)
@@ -55,19 +56,19 @@ def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
 
 
 class Panel(NamedTuple):
-    """A quantity over time, and what it is held against."""
+    """Quantity over time, with its reference or bounds."""
 
     label: str
     unit: str
     column: str
     reference: str = ""
-    """Column of the reference, which is drawn dashed; empty without one."""
+    """Column of the reference, drawn dashed; empty without one."""
     band: tuple[str, ...] = ()
-    """Columns of the bounds of a consistent tracker; a statistic with bounds is not averaged over time."""
+    """Columns of the bounds for a consistent tracker; a quantity with bounds is not averaged over time."""
 
     @property
     def axis_label(self) -> str:
-        """The quantity with its unit."""
+        """Quantity with its unit."""
         return f"{self.label}, {self.unit}" if self.unit else self.label
 
 
@@ -82,12 +83,12 @@ OF_TRACKS = (
     Panel("missed", "m", "gospa_missed_m"),
     Panel("false", "m", "gospa_false_m"),
 )
-#: Points of a figure without its panels, and of the lowest panel.
+#: Height of a figure without its panels, and least height of a panel, points.
 _MARGIN, _PANEL = 40.0, 120.0
 
 
 def errors_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """RMSE of position and velocity with the reference, and NEES with its bounds; None if there is nothing to draw."""
+    """Return RMSE of position and velocity with the reference, and NEES with its bounds; None without values."""
     reference = result.summary.held_against
     caption = (
         f"Over all runs and objects. Dashed: the {reference.label}. {reference.meaning} NEES: squared error over the "
@@ -98,7 +99,7 @@ def errors_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure |
 
 
 def gospa_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """GOSPA and its parts over time; None if there is nothing to draw."""
+    """Return GOSPA and its parts over time; None without values."""
     caption = (
         "Root mean square over all runs. The squares of the parts add up to that of GOSPA: localisation is the "
         "distance of tracks from their objects, missed what objects without a track cost, false what tracks without "
@@ -116,62 +117,62 @@ def _panels(
     panels: Sequence[Panel],
     label: str = "",
 ) -> Figure | None:
-    """A panel for each quantity, one below the other; a tracker that is far out does not set an axis."""
+    """Return a panel for each quantity, one below the other; an outlying tracker is cut off."""
     steps = split(result.tables.steps, "tracker")
-    drawn = {
-        panel: own for panel in panels if (own := (lines if panel.band else smooth_lines)(steps, styles, panel.column))
-    }
+    lines = {panel: (tracker_lines if panel.band else smoothed_lines)(steps, styles, panel.column) for panel in panels}
+    drawn = {panel: of_panel for panel, of_panel in lines.items() if of_panel}
     if not drawn:
         return None
-    references = {panel: _distinct(smooth_lines(steps, styles, panel.reference)) for panel in drawn if panel.reference}
-    bands = {panel: [line for name in panel.band for line in lines(steps, styles[:1], name)] for panel in drawn}
+    references = {
+        panel: _distinct(smoothed_lines(steps, styles, panel.reference)) for panel in drawn if panel.reference
+    }
+    bands = {panel: [line for name in panel.band for line in tracker_lines(steps, styles[:1], name)] for panel in drawn}
     first = next(iter(drawn))
 
     def paint(canvas: Canvas) -> None:
-        every = canvas.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, (panel, own) in zip(every, drawn.items(), strict=True):
+        all_axes = canvas.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (panel, of_panel) in zip(all_axes, drawn.items(), strict=True):
             if bands[panel]:
                 low, high = bands[panel]
-                # In front of a line that goes up and down through it.
+                # The band lies in front of lines that zigzag through it.
                 axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35, linewidth=0, zorder=3)
-            # The best tracker on top.
-            for style, time, value in reversed(own):
-                axes.plot(time, value, **style.look)
-            held_against = references.get(panel, [])
-            for line in held_against:
+            # The best tracker is drawn last, on top.
+            for style, time, value in reversed(of_panel):
+                axes.plot(time, value, **style.line_options)
+            for line in references.get(panel, []):
                 axes.plot(line.time, line.value, color=INK, linestyle=DASHED, linewidth=1.3)
-            sizes = {line.style.name: float(np.sqrt(np.nanmean(line.value**2))) for line in own}
+            sizes = {line.style.name: float(np.sqrt(np.nanmean(line.value**2))) for line in of_panel}
             end = end_of_axis(sizes.values())
-            far = {line.style.name: np.nanmax(line.value) for line in own if sizes[line.style.name] > end}
-            near = [line.value for line in (*own, *held_against) if line.style.name not in far]
-            is_logarithmic = fit_value_axis(axes, [*near, *(line.value for line in bands[panel])])
-            beyond = [f"{name} beyond the axis: up to {peak:.3g} {panel.unit}".rstrip() for name, peak in far.items()]
+            cut = {line.style.name: np.nanmax(line.value) for line in of_panel if sizes[line.style.name] > end}
+            shown = [line.value for line in (*of_panel, *references.get(panel, [])) if line.style.name not in cut]
+            is_logarithmic = fit_value_axis(axes, [*shown, *(line.value for line in bands[panel])])
+            beyond = [f"{name} beyond the axis: up to {peak:.3g} {panel.unit}".rstrip() for name, peak in cut.items()]
             panel_title(axes, "; ".join(beyond), WIDTH)
             axes.set_ylabel(f"{panel.axis_label}{' (log)' * is_logarithmic}")
             time_axis(axes, max(float(rows["time_s"].max()) for rows in steps.values()))
-        every[-1].set_xlabel(TIME_LABEL)
+        all_axes[-1].set_xlabel(TIME_LABEL)
 
-    shown = [line.style for line in drawn[first]]
+    shown_styles = [line.style for line in drawn[first]]
     last = [(line.style.name, line.value[np.isfinite(line.value)][-1]) for line in drawn[first]]
     ends = ", ".join(f"{name} {value:.3g} {first.unit}" for name, value in last)
     return tracker_figure(
         name,
         title,
         caption,
-        f"{title}, {counted(len(shown), 'tracker')}. At the end: {ends}.",
+        f"{title}, {counted(len(shown_styles), 'tracker')}. At the end: {ends}.",
         paint,
         _MARGIN + max(_PANEL, 420.0 / len(drawn) - _MARGIN) * len(drawn),
-        shown,
+        shown_styles,
         *([LegendEntry(label, INK, "dash")] if any(references.values()) else []),
         *([LegendEntry("95 % bounds of a consistent tracker", MUTED, "band")] if any(bands.values()) else []),
     )
 
 
 def _distinct(drawn: Sequence[Line]) -> list[Line]:
-    """One line of those that are the same: trackers of the same sensors have the same reference."""
+    """Return the lines without repetitions: trackers that use the same sensors have equal references."""
     unique: list[Line] = []
     for line in drawn:
-        alike = (other for other in unique if other.value.shape == line.value.shape)
-        if not any(np.allclose(other.value, line.value, equal_nan=True) for other in alike):
+        comparable = (other.value for other in unique if other.value.shape == line.value.shape)
+        if not any(np.allclose(value, line.value, equal_nan=True) for value in comparable):
             unique.append(line)
     return unique

@@ -1,4 +1,4 @@
-"""The radar of the published program at 3 km, which is taken to read the target's speed instead of its range rate."""
+"""Radar that measures the target's speed in place of its range rate, as the published program at 3 km assumes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MIN_SPEED = 1e-6
 
 
 class SpeedRadar(Polar):
-    """Measures range, azimuth and, in place of the range rate, the target's speed over ground.
+    """Radar of range, azimuth and, in place of the range rate, the target's speed over ground.
 
-    No radar does; the published program was written for such measurements.
+    No real radar measures this; the published program was written for such measurements.
     """
 
     speed_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the speed, m/s.")

@@ -1,9 +1,9 @@
-"""The UKF of the published Udacity projects, with its faults.
+"""UKF of the published Udacity projects, with its faults.
 
-It averages the azimuths of the sigma points as plain numbers, also across the direction of -x, where they jump by
-2 pi. Where the covariance is not positive definite after that, its Cholesky factor is what Eigen's LLT leaves behind
-when it stops at the first pivot that is not positive, which goes unnoticed unless it is asked. Not for use: it shows
-what published numbers rest on.
+The azimuths of the sigma points are averaged as plain numbers, also across the direction of -x, where they jump by
+2 pi. If the covariance is then not positive definite, the Cholesky factor is incomplete: Eigen's LLT stops at the first
+pivot that is not positive, and the program does not ask whether it succeeded. Not for use: it reproduces published
+numbers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from trackbench.trackers.track_steps import TrackState
 
 @dataclass(frozen=True)
 class FaultyUkf(SigmaPointFilter):
-    """The augmented UKF on CTRV, but for the mean of the azimuths and the Cholesky factor."""
+    """Augmented UKF on CTRV with the faulty mean of the azimuths and the incomplete Cholesky factor."""
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return super().predict(belief._replace(factor=stopped_cholesky(belief.covariance)), dt)
@@ -56,7 +56,7 @@ class FaultyUkf(SigmaPointFilter):
 
 
 class FaultyTracker(FilterTracker):
-    """States a covariance that is positive definite where it had not been."""
+    """Tracker with the faulty UKF, whose published covariances are made positive definite."""
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
         state, estimate = super().step(state, scan)
@@ -65,7 +65,7 @@ class FaultyTracker(FilterTracker):
 
 
 def stopped_cholesky(matrix: Array) -> Array:
-    """``(n, n, ...)`` lower factor, left as it is from the first pivot on that is not positive."""
+    """Return the lower factor ``(n, n, ...)``, unfinished from the first pivot on that is not positive."""
     size = len(matrix)
     lanes = np.moveaxis(matrix.reshape(size, size, -1), -1, 0).copy()
     for a in lanes:
@@ -79,7 +79,7 @@ def stopped_cholesky(matrix: Array) -> Array:
 
 
 def faulty_ukf(**options: Any) -> LateScans:
-    """The tracker, with the options of a built-in UKF."""
+    """Return the faulty tracker, with the options of a built-in UKF."""
     sound = build(FilterConfig.model_validate({"filter": "ukf", **options})).tracker
     faulty = FaultyUkf(sound.filter.motions[0], SymmetricSet(1.0, 0.0, None))
     return LateScans(FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at))

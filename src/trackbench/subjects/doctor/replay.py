@@ -65,7 +65,7 @@ def drive_scene(run: EvidenceRun) -> ReplayScene:
         run.drive,
         (
             ReplayPath("truth", TRUTH_COLOUR, run.time, run.target[:2], dot=5.0),
-            ReplayPath("sensors", OBSERVER_COLOUR, run.time, poses),
+            ReplayPath("sensors", OBSERVER_COLOUR, run.time, poses, is_observer=True),
             _estimates("reference", run.time, run.reference_mean, run.reference_covariance),
             _estimates("tracker", run.time, run.mean, run.covariance),
         ),

@@ -21,6 +21,7 @@ from trackbench.runner.assemble import versions
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
+from trackbench.sensing.scans import fingerprint_of
 from trackbench.subjects.envelope.axes import overrides
 from trackbench.subjects.envelope.cells import CellDecision, Store
 from trackbench.subjects.envelope.claim import (
@@ -107,7 +108,7 @@ def envelope_of(envelope_map: EnvelopeMap, command: str) -> Envelope:
                 point=list(cell.point),
                 changes=overrides(task.axes, cell.point),
                 added=cell.added,
-                measurements=[digest.hex()[:16] for digest in cell.measurements],
+                measurements=[fingerprint_of(digest) for digest in cell.measurements],
                 trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
             )
             for cell in cells

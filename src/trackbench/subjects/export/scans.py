@@ -19,7 +19,7 @@ from trackbench.models.sensors import Sensor
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.sensing.detections import sense_hidden
-from trackbench.sensing.scans import sense_known
+from trackbench.sensing.scans import fingerprint_of, sense_known
 from trackbench.truth import LoadedTruth
 
 
@@ -92,7 +92,7 @@ class ScanSource:
             measurements = sense_known(scene.sensors, work.seed, noise, runs)
             digest, scans, objects = measurements.digests[0], measurements.scans, scene.truth.ids
         arrived = sorted(scans, key=lambda scan: (scan.arrival_time, scan.time))
-        self.fingerprints[key] = digest.hex()[:16]
+        self.fingerprints[key] = fingerprint_of(digest)
         return RunScans(key, self.fingerprints[key], arrived, objects)
 
 

@@ -19,7 +19,13 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.overrides import set_value, with_moved_paths
 from trackbench.scenario.truth import own_source
-from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, sensor_findings
+from trackbench.subjects.log_audit.findings import (
+    FAMILY,
+    LogFinding,
+    SensorAudit,
+    remaining_errors,
+    sensor_findings,
+)
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
 from trackbench.subjects.log_audit.noise import detection_shares, residual_noises, unlabelled_detections, with_boxes
 from trackbench.subjects.log_audit.sensor_log import (
@@ -236,7 +242,11 @@ def _with_squares(audit: LogAudit, recorded: Recorded) -> LogAudit:
         )
         for name, item in audit.sensors.items()
     }
-    return replace(audit, sensors=sensors)
+    # A fault that has no key stays in the log, and its errors with it.
+    uncorrected = {finding.sensor for finding in findings if not finding.changes}
+    judged = [item for name, item in sensors.items() if name not in uncorrected]
+    remaining = tuple(finding for item in judged if (finding := remaining_errors(item)) is not None)
+    return replace(audit, sensors=sensors, findings=(*audit.findings, *remaining))
 
 
 def _corrected_scenario(loaded: Scenario, findings: Iterable[LogFinding]) -> Scenario:

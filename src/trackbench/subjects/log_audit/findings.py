@@ -27,6 +27,8 @@ OUTLIERS = 0.005
 #: Most detections are away from their boxes if boxes get fewer than this share of the stated detections, and more than
 #: this share of the missing detections are found near no box.
 ELSEWHERE = 0.5
+#: Mean square of the corrected errors over the stated sigmas from which on something else is wrong.
+REMAINING = 1.5
 #: Kind of a finding that has several possible causes.
 UNDECIDED = "undecided"
 #: Probability that a log without errors gives no finding of an error or a noise.
@@ -316,6 +318,21 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
         yield error_finding(item.log, error, changes[error.name])
     if not drifts:
         yield from _noise_findings(item, level)
+
+
+def remaining_errors(item: SensorAudit) -> LogFinding | None:
+    """Return the finding that errors remain which no correction explains; None where the errors are as stated."""
+    if item.square_after is None or item.square_after < REMAINING or item.fit is None:
+        return None
+    return LogFinding(
+        kind="remaining",
+        sensor=item.log.name,
+        title=f"{item.log.name}: errors remain that nothing above corrects",
+        evidence=f"With the findings put in, the mean square of measurement minus truth over the stated sigmas is "
+        f"{item.square_after:.3g}, where 1 is right: the noise above is not the sensor's alone.",
+        fix="Look at the errors over time in the report's replay. A clock that was set during the log, a mount that "
+        "moved, or measurements of another object do this; audit the log in two parts.",
+    )
 
 
 def _misplaced_boxes(item: SensorAudit) -> LogFinding | None:

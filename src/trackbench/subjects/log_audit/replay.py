@@ -108,4 +108,5 @@ def _body_path(name: str, motion: Motion, span: tuple[float, float]) -> Iterator
             np.stack([motion.px, motion.py])[:, inside],
             heading=np.unwrap(heading[inside]),
             size=(length, width),
+            is_observer=name == "observer",
         )

@@ -102,7 +102,8 @@ def judge_gates(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
             passed, evidence = False, metric.reason or "the first file has no value"
             if metric.value is not None and limit is not None:
                 passed = sign * (metric.value - limit) <= 0
-                evidence = f"{metric.value:.4g} {metric.unit}" + (f", the first {first:.4g}" if gate.relative else "")
+                unit = "" if metric.unit == "1" else f" {metric.unit}"
+                evidence = f"{metric.value:.4g}{unit}" + (f", the first {first:.4g}" if gate.relative else "")
             value = (metric.value, metric.unit, metric.ci95)
             judgements.append(JudgedGate(tracker.name, gate.metric, limit, *value, passed, gate.text, evidence))
     return judgements

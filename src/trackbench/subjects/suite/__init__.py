@@ -1,4 +1,7 @@
-"""Suites that can be cited: scenarios that never change, entries that someone else can check, and a page of both."""
+"""Suites that can be cited: scenarios that never change, and trackers entered in them.
+
+A tracker comes in; its entry goes out, a folder of estimates and scores that anyone can check. Read ``suite.py`` first.
+"""
 
 from trackbench.base.subjects import Offer, Subject
 

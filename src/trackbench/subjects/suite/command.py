@@ -1,4 +1,4 @@
-"""``trackbench suite``"""
+"""The commands of ``trackbench suite``."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 workers_option = click.option(
     "--workers", type=WORKERS, metavar="N", help="Processes; default: one per core if faster. Same result."
 )
-suite_option = click.option("--suite", type=click.Path(path_type=Path), metavar="FILE", help="Your own suite's file.")
+suite_option = click.option("--suite", type=click.Path(path_type=Path), metavar="FILE", help="File of your own suite.")
 cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask cluster: tcp://HOST:PORT or local:N.")
 
 
@@ -46,8 +46,8 @@ def suite_command() -> None:
 
 
 @suite_command.command("list")
-@click.argument("named", required=False, metavar="[ID]")
-def list_command(named: str | None) -> None:
+@click.argument("argument", required=False, metavar="[ID]")
+def list_command(argument: str | None) -> None:
     """Show the suites, or the scenarios and trackers of one.
 
     \b
@@ -56,11 +56,11 @@ def list_command(named: str | None) -> None:
     """
     from trackbench.subjects.suite.suite import find_suite, shipped_suites
 
-    if named is None:
+    if argument is None:
         for name in shipped_suites():
             print_answer(f"{name:18}  {find_suite(name).stated.title}\n{'':18}  trackbench suite list {name}")
         return
-    suite = find_suite(named)
+    suite = find_suite(argument)
     stated = suite.stated
     print_answer(f"{stated.id}, version {stated.version}: {stated.title}\nsha256 {suite.sha256}\n")
     for name, item in suite.scenarios.items():
@@ -73,9 +73,9 @@ def list_command(named: str | None) -> None:
 
 
 @suite_command.command("run")
-@click.argument("named", metavar="ID")
+@click.argument("argument", metavar="ID")
 @click.argument("trackers", nargs=-1, required=True, metavar="TRACKER...")
-@click.option("--only", metavar="A,B", help="Only these: ids, single, traffic, smoke.")
+@click.option("--only", metavar="A,B", help="Only these scenarios: ids, single, traffic, smoke.")
 @out_option("Folder in which each entry gets a folder.", "entries")
 @workers_option
 @cluster_option
@@ -83,7 +83,7 @@ def list_command(named: str | None) -> None:
 @artifact_options
 @quiet_option("Print only the folders of the entries.")
 def run_command(
-    named: str,
+    argument: str,
     trackers: tuple[str, ...],
     only: str | None,
     out: Path,
@@ -108,11 +108,11 @@ def run_command(
     """
     from trackbench.base.execution import executor
     from trackbench.subjects.suite.entry import ENTRY
-    from trackbench.subjects.suite.make import EntryMaker, TrackerFailed
+    from trackbench.subjects.suite.make import EntryMaker, TrackerFailedError
     from trackbench.subjects.suite.suite import find_suite
     from trackbench.subjects.suite.tracker import find_tracker
 
-    suite = find_suite(named)
+    suite = find_suite(argument)
     chosen, output = suite.chosen(names_in(only or "")), RunOutput(False, quiet)
     entering = [find_tracker(each, suite) for each in trackers]
     names = [tracker.name for tracker in entering]
@@ -124,11 +124,11 @@ def run_command(
     with executor(workers, cluster) as chosen_executor:
         makers = [EntryMaker(suite, each, chosen_executor, isolation, output, left_out) for each in entering]
         scenarios = [maker.check(chosen) for maker in makers]
-        for maker, own in zip(makers, scenarios, strict=True):
+        for maker, entered in zip(makers, scenarios, strict=True):
             try:
-                maker.make(own, out / maker.tracker.name)
-            except TrackerFailed as failed:
-                click.echo(str(failed), err=True)
+                maker.make(entered, out / maker.tracker.name)
+            except TrackerFailedError as error:
+                click.echo(str(error), err=True)
                 raise click.exceptions.Exit(FAILED_PLUGIN) from None
             _print_entry(maker, out / maker.tracker.name, quiet)
     beaten = [maker for maker in makers if any(not result.summary.passed for result in maker.results.values())]
@@ -188,7 +188,7 @@ def verify_command(
 @suite_command.command("merge")
 @click.argument("entries", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="ENTRY...")
 @suite_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write a file too: .html or .json.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Also write a file, .html or .json.")
 def merge_command(entries: tuple[Path, ...], suite: Path | None, out: Path | None) -> None:
     """Compare entries, made on any machines.
 
@@ -236,7 +236,7 @@ def page_command(folder: Path, suite: Path | None) -> None:
 
 
 def _print_entry(maker: EntryMaker, folder: Path, quiet: bool) -> None:
-    """Print the scores of an entry, and what checks it."""
+    """Print the scores of an entry, and the command that checks it."""
     for name, result in () if quiet else maker.results.items():
         (tracker,) = result.summary.trackers
         why = result.why_unscored(tracker)

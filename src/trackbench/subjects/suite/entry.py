@@ -1,4 +1,4 @@
-"""An entry: one folder with who the tracker is, its estimates, their scores, and the digest of every file."""
+"""An entry: a folder with a tracker's identity, its estimates, their scores, and the digest of every file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from trackbench.results.metric_value import ResultModel, model_of
 from trackbench.subjects.suite.suite import Suite, find_suite
 
 ENTRY, SCHEMA_VERSION = "entry.json", 1
-#: Estimates of known objects, or tracks, in every run of a scenario.
+#: File with the estimates of known objects, or the tracks, in every run of a scenario.
 ESTIMATES = "estimates.parquet"
 
 
 class SuiteIdentity(ResultModel):
-    """The suite that an entry is of."""
+    """Suite of an entry."""
 
     id: str
     version: int
@@ -34,34 +34,33 @@ class SuiteIdentity(ResultModel):
 
 
 class TrackerIdentity(ResultModel):
-    """Who the tracker is; beside the code, all of it is what its author says."""
+    """Identity of a tracker, as its author states it, with the digest of its code."""
 
     name: str
     version: str
     licence: str
     source: str
     made: Literal["run here", "tracks"]
-    """tracks: a program that is not known wrote them for exported scans."""
+    """Origin of the estimates: a run on the machine of the entry, or tracks that an unknown program wrote."""
     options: dict[str, dict[str, Any]]
-    """Entry as a scenario has it, by kind of scenario."""
+    """Value of the tracker in a scenario's key ``trackers``, by kind of scenario."""
     sensors: dict[str, list[str] | None]
-    """Names of the sensors that the tracker reads, by kind of scenario; None for all."""
+    """Names of the sensors that the tracker uses, by kind of scenario; None for all."""
     code: dict[str, str | None]
-    """Digest of code that is not trackbench's, by kind of scenario; None where it was not found."""
+    """Digest of the tracker's own code, by kind of scenario; None if the code was not found."""
     random: bool
-    """Whether it says that it draws random numbers."""
+    """Whether the tracker states that it draws random numbers."""
 
 
 class EnteredScenario(ResultModel):
-    """A scenario of an entry."""
+    """Scenario of an entry."""
 
     id: str
     command: str
-    """Command that runs the scenario again."""
 
 
 class Machine(ResultModel):
-    """The machine that made an entry."""
+    """Machine on which an entry was made."""
 
     system: str
     cores: int
@@ -69,7 +68,7 @@ class Machine(ResultModel):
 
 
 class Entry(ResultModel):
-    """``entry.json``"""
+    """Content of ``entry.json``."""
 
     schema_version: Literal[1] = 1
     suite: SuiteIdentity
@@ -83,17 +82,17 @@ class Entry(ResultModel):
     files: dict[str, str]
     """Digest of each other file, by path in the folder."""
     sha256: str
-    """Digest of all other values."""
+    """Digest of the other values of ``entry.json``."""
 
 
 def entry_digest(values: Mapping[str, Any]) -> str:
-    """Return the sha256 of the values of an entry but for that itself."""
+    """Return the sha256 of an entry's values, except its ``sha256``."""
     content = {key: value for key, value in values.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def digests_in(folder: Path) -> dict[str, str]:
-    """Return the sha256 of each file of a folder but ``entry.json``, by path."""
+    """Return the sha256 of each file of a folder except ``entry.json``, by path."""
     files = sorted(file for file in folder.rglob("*") if file.is_file())
     names = {file.relative_to(folder).as_posix(): file for file in files}
     return {name: sha256(file) for name, file in names.items() if name != ENTRY}
@@ -101,26 +100,26 @@ def digests_in(folder: Path) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class StoredEntry:
-    """An entry in its folder."""
+    """Entry with its folder."""
 
     entry: Entry
     folder: Path
     is_whole: bool
     """Whether ``entry.json`` has the sha256 that it states."""
     suite_file: str | None = None
-    """File of a suite that does not come with the package."""
+    """File of the suite, if it does not come with the package."""
 
     @cached_property
     def suite(self) -> Suite:
-        """The suite that it names.
+        """Suite that the entry names.
 
         Raises:
-            InputError: there is none of this id.
+            InputError: the suite is unknown.
         """
         return find_suite(self.suite_file or self.entry.suite.id)
 
     def file_problems(self) -> list[str]:
-        """Return where a file, or ``entry.json`` itself, is not the one that was written."""
+        """Return a message for each file that is changed, missing or not listed, and for a changed ``entry.json``."""
         problems = [] if self.is_whole else [f"{ENTRY}: its values have another sha256 than it states"]
         files = self.entry.files
         contents = {name: why_other_content(self.folder / name, digest) for name, digest in files.items()}
@@ -130,14 +129,14 @@ class StoredEntry:
 
 
 def read_entry(place: Path, suite: Path | None = None) -> StoredEntry:
-    """Return the entry in a folder, which its ``entry.json`` may name.
+    """Return the entry in a folder.
 
     Args:
-        place: the folder.
-        suite: the file of a suite that does not come with the package.
+        place: folder of the entry, or its ``entry.json``.
+        suite: file of the suite, if it does not come with the package.
 
     Raises:
-        InputError: there is none, or it is none of this version.
+        InputError: the entry is missing, unreadable or of another version.
     """
     if place.is_file() and place.name != ENTRY:
         raise InputError("this is a file; name the folder of an entry", file=place)

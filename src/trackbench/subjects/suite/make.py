@@ -1,4 +1,4 @@
-"""``trackbench suite run``: a tracker through scenarios of a suite, and the folder of its entry."""
+"""``trackbench suite run``: runs of a tracker in scenarios of a suite, and the folder of its entry."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from trackbench.subjects.suite.entry import (
     entry_digest,
 )
 from trackbench.subjects.suite.scoring import (
-    KEPT,
-    TOLD,
+    COMPARED_TABLES,
+    RUN_FIELDS,
+    add_run_fields,
     rows_of_estimates,
     scored_estimates,
-    stated_of,
     write_estimates,
 )
 from trackbench.subjects.suite.suite import Suite, SuiteScenario
@@ -57,21 +57,21 @@ if TYPE_CHECKING:
 Files = dict[str, Callable[[Path], object]]
 
 
-class TrackerFailed(TrackbenchError):
-    """A tracker could not go on, so that there is no entry."""
+class TrackerFailedError(TrackbenchError):
+    """Failure of a tracker, which leaves no entry."""
 
 
 @dataclass
 class EntryMaker:
-    """Makes the entry of one tracker.
+    """Maker of one tracker's entry.
 
     Args:
-        suite: that it enters.
-        tracker: what enters.
-        executor: what drives and scores.
-        isolation: how the tracker is kept apart.
-        listener: is told of the work.
-        left_out: files of subjects that are not written.
+        suite: suite that the tracker enters.
+        tracker: tracker that enters.
+        executor: executor of the runs and of the scoring.
+        isolation: isolation of the tracker's process.
+        listener: listener for the progress.
+        left_out: names of artifacts that are not written.
     """
 
     suite: Suite
@@ -83,79 +83,80 @@ class EntryMaker:
     results: dict[str, Result] = field(default_factory=dict)
     """Result of each finished scenario, by id."""
     _entered: list[EnteredScenario] = field(default_factory=list)
-    _told: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """Fields of the tracker that a run tells, by kind of scenario."""
-    _made_of: dict[str, Provenance] = field(default_factory=dict)
-    """Code and time of the tracker, by kind of scenario."""
+    _run_fields: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Values of ``RUN_FIELDS``, by kind of scenario."""
+    _origins: dict[str, Provenance] = field(default_factory=dict)
+    """Provenance of the tracker's code, by kind of scenario."""
 
     def command(self, *only: str) -> str:
-        """Return what runs some scenarios again."""
-        words = ["trackbench", "suite", "run", self.suite.named, self.tracker.named]
+        """Return the command that runs the scenarios ``only`` again, or all."""
+        words = ["trackbench", "suite", "run", self.suite.argument, self.tracker.argument]
         return shlex.join([*words, *(["--only", ",".join(only)] if only else [])])
 
     def check(self, chosen: list[SuiteScenario]) -> list[SuiteScenario]:
-        """Return the scenarios that the tracker enters, before any of them is run.
+        """Start the tracker once for each kind of scenario, and return the scenarios that it enters.
 
         Raises:
-            InputError: it can enter none, does not fit them, or cannot be started.
+            InputError: the tracker can enter none, does not fit them, or cannot be started.
         """
         entering = self.tracker.scenarios(chosen)
         by_kind = {item.kind: item for item in reversed(entering)}
         for kind, item in by_kind.items() if self.tracker.stated.tracks is None else ():
             loaded = self._loaded(item, started=True)
-            self._made_of[kind] = provenance_of(loaded)
+            self._origins[kind] = provenance_of(loaded)
         return entering
 
     def make(self, scenarios: list[SuiteScenario], folder: Path) -> None:
-        """Run the scenarios, and write the folder whole or not at all.
+        """Run the scenarios, and write the folder of the entry whole or not at all.
 
         Raises:
-            InputError: the truth or the scans are not those of the suite, or tracks are not of them.
-            TrackerFailed: the tracker could not go on.
+            InputError: the truth or the scans differ from the suite's, or the tracks from the scans.
+            TrackerFailedError: the tracker failed.
             OutputError: the folder cannot be written.
         """
-        with tempfile.TemporaryDirectory(prefix="trackbench-suite-") as place:
+        with tempfile.TemporaryDirectory(prefix="trackbench-suite-") as temporary:
             files: Files = {}
             for item in scenarios:
-                own = Path(place) / item.id
-                own.mkdir()
-                files |= {f"{item.id}/{name}": write for name, write in self._files(item, own).items()}
+                place = Path(temporary) / item.id
+                place.mkdir()
+                files |= {f"{item.id}/{name}": write for name, write in self._files(item, place).items()}
             results.save_files({**files, ENTRY: partial(self._write_entry, scenarios)}, folder, ENTRY)
 
     def _files(self, item: SuiteScenario, place: Path) -> Files:
-        """Return what writes the folder of one scenario."""
+        """Run one scenario, and return the files of its folder, each with a function that writes it."""
         with self.listener.progress(f"truth of {item.id}", "steps") as advance:
             truths = truths_of(item.plain, advance, self.executor)
         _require(item, item.why_other_truth(truths))
         fingerprints = rounded_fingerprints(item.plain, truths)
         _require(item, item.why_other_scans(fingerprints))
         estimates, tracks = place / ESTIMATES, self.tracker.tracks_of(item)
-        write_estimates(self._driven(item, truths) if tracks is None else self._filed(item, tracks, truths), estimates)
+        table = self._run(item, truths) if tracks is None else self._read_tracks(item, tracks, truths)
+        write_estimates(table, estimates)
         result = scored_estimates(item, self.tracker.name, estimates, truths, self.executor)
         (scored,) = result.summary.trackers
         if scored.failed is not None:
-            raise TrackerFailed(f"the estimates of {scored.name} in {item.id} cannot be scored: {scored.failed}")
-        result = stated_of(result, fingerprints, self._told.get(item.kind, {}), self.command(item.id))
+            raise TrackerFailedError(f"the estimates of {scored.name} in {item.id} cannot be scored: {scored.failed}")
+        result = add_run_fields(result, fingerprints, self._run_fields.get(item.kind, {}), self.command(item.id))
         self.results[item.id] = result
         self._entered.append(EnteredScenario(id=item.id, command=self.command(item.id)))
         shown, artifacts = with_artifacts(result, self.left_out)
-        kept = Tables({name: result.tables[name] for name in KEPT if name in result.tables})
-        return {ESTIMATES: partial(shutil.copyfile, estimates), **artifacts, **replace(shown, tables=kept).files()}
+        tables = Tables({name: result.tables[name] for name in COMPARED_TABLES if name in result.tables})
+        return {ESTIMATES: partial(shutil.copyfile, estimates), **artifacts, **replace(shown, tables=tables).files()}
 
-    def _driven(self, item: SuiteScenario, truths: Sequence[LoadedTruth]) -> pa.Table:
-        """Return what the tracker says in every run."""
+    def _run(self, item: SuiteScenario, truths: Sequence[LoadedTruth]) -> pa.Table:
+        """Run the tracker, and return its estimates in every run."""
         loaded = self._loaded(item)
         with self.listener.progress(item.id, "runs") as advance:
             options: Any = {"isolation": self.isolation, "keeps_answers": True, "progress": advance}
             driven = run_scenario(loaded, truths, executor=self.executor, **options)
         (tracker,) = driven.summary.trackers
         if tracker.failed is not None:
-            raise TrackerFailed(f"{tracker.name} could not go on in {item.id}: {tracker.failed}")
-        self._told[item.kind] = {key: getattr(tracker, key) for key in TOLD}
+            raise TrackerFailedError(f"{tracker.name} could not go on in {item.id}: {tracker.failed}")
+        self._run_fields[item.kind] = {key: getattr(tracker, key) for key in RUN_FIELDS}
         return driven.tables["answers"]
 
-    def _filed(self, item: SuiteScenario, tracks: Path, truths: Sequence[LoadedTruth]) -> pa.Table:
-        """Return the tracks of a file, which are of the scans that they state."""
+    def _read_tracks(self, item: SuiteScenario, tracks: Path, truths: Sequence[LoadedTruth]) -> pa.Table:
+        """Return the tracks of a file, after a check that they are of the suite's scans."""
         from pyarrow import csv, parquet
 
         rows = rows_of_estimates(tracks)
@@ -166,22 +167,22 @@ class EntryMaker:
 
     def _write_entry(self, scenarios: list[SuiteScenario], path: Path) -> None:
         kinds = list(dict.fromkeys(item.kind for item in scenarios))
-        stated, made_of = self.tracker.stated, [*self._made_of.values()]
+        stated, origins = self.tracker.stated, [*self._origins.values()]
         tracker = TrackerIdentity(
             **stated.model_dump(include={"name", "version", "licence", "source"}),
             made="run here" if stated.tracks is None else "tracks",
             options={kind: self.tracker.entry(kind) or {} for kind in kinds},
-            sensors={kind: self._told.get(kind, {}).get("sensors") for kind in kinds},
-            code={kind: code for kind in kinds if kind in self._made_of for code in self._made_of[kind].code.values()},
-            random=any(told["random"] for told in self._told.values()),
+            sensors={kind: self._run_fields.get(kind, {}).get("sensors") for kind in kinds},
+            code={kind: code for kind in kinds if kind in self._origins for code in self._origins[kind].code.values()},
+            random=any(fields["random"] for fields in self._run_fields.values()),
         )
         entry = Entry(
             suite=SuiteIdentity.model_validate(self.suite.identity),
             tracker=tracker,
             scenarios=self._entered,
             machine=Machine(system=platform.platform(), cores=os.cpu_count() or 1, versions=versions()),
-            made_at=made_of[0].made_at if made_of else provenance_of(scenarios[0].plain).made_at,
-            commit=made_of[0].commit if made_of else None,
+            made_at=origins[0].made_at if origins else provenance_of(scenarios[0].plain).made_at,
+            commit=origins[0].commit if origins else None,
             command=self.command(*([] if len(scenarios) == len(self.suite.scenarios) else [i.id for i in scenarios])),
             files=digests_in(path.parent),
             sha256="",
@@ -190,7 +191,7 @@ class EntryMaker:
         results.write_file(results.json_text({**values, "sha256": entry_digest(values)}), path)
 
     def _loaded(self, item: SuiteScenario, started: bool = False) -> Scenario:
-        """Return a scenario with the tracker, which may be started once; an error is one of the tracker's file."""
+        """Return a scenario with the tracker, after starting it if ``started``; an error names the tracker's file."""
         try:
             loaded = item.loaded({self.tracker.name: self.tracker.entry(item.kind)}, self.tracker.folder)
             if started:
@@ -201,6 +202,5 @@ class EntryMaker:
 
 
 def _require(scenario: SuiteScenario, problem: str | None) -> None:
-    """Refuse a truth or scans that are not those of the suite."""
     if problem is not None:
         raise InputError(f"{scenario.id} {problem}", file=scenario.suite.path)

@@ -1,4 +1,4 @@
-"""Entries of one suite, made on any machines, as one comparison: their noise is the same, so verdicts are paired."""
+"""Entries of one suite, made on any machines, as one comparison: their noise is equal, so differences are paired."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ class MergedEntries:
         """Result of the trackers of all entries, by scenario in the order of the suite.
 
         Raises:
-            InputError: a result is damaged, or was made of other measurements.
+            InputError: a result is damaged, or was made from other measurements.
         """
         merged = {}
         for name in self.suite.scenarios:
-            own = {
+            results = {
                 str(stored.folder / name): Result.load(stored.folder / name)
                 for stored in self.entries
                 for item in stored.entry.scenarios
                 if item.id == name
             }
-            if own:
-                merged[name] = merged_result(own)
+            if results:
+                merged[name] = merged_result(results)
         return merged
 
     @cached_property
     def comparison(self) -> Comparison:
-        """Every pair of trackers in every scenario that several entries have.
+        """Comparison of every pair of trackers in every scenario that several entries have.
 
         Raises:
             InputError: no scenario is in two entries.
@@ -60,33 +60,33 @@ class MergedEntries:
 
 
 def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedEntries:
-    """Return entries of one suite together.
+    """Read the entries in several folders and return them together.
 
     Args:
-        places: their folders.
-        suite: the file of a suite that does not come with the package.
+        places: folders of the entries.
+        suite: file of the suite, if it does not come with the package.
 
     Raises:
-        InputError: one is damaged or of another suite, or two have the same name.
+        InputError: an entry is damaged or of another suite, or two trackers have the same name.
     """
-    entries, named = [read_entry(place, suite) for place in places], dict[str, Path]()
+    entries, folders = [read_entry(place, suite) for place in places], dict[str, Path]()
     first = entries[0]
     for stored in entries:
         for problem in stored.file_problems():
             raise InputError(problem, file=stored.folder)
         if stored.entry.suite != first.entry.suite:
-            other = f"is of {_named(stored)}, and {first.folder} of {_named(first)}"
+            other = f"is of {_title(stored)}, and {first.folder} of {_title(first)}"
             raise InputError(f"{other}: all entries must be of one suite", file=stored.folder, key="suite")
         name = stored.entry.tracker.name
-        if name in named:
-            message = f"{named[name]} has the same name {name!r}; rename one of them"
+        if name in folders:
+            message = f"{folders[name]} has the same name {name!r}; rename one of them"
             raise InputError(message, file=stored.folder, key="tracker.name")
-        named[name] = stored.folder
+        folders[name] = stored.folder
     if first.suite.identity != first.entry.suite.model_dump():
-        raise InputError(f"is of {_named(first)}, not of the suite here: verify it", file=first.folder, key="suite")
+        raise InputError(f"is of {_title(first)}, not of the suite here: verify it", file=first.folder, key="suite")
     return MergedEntries(first.suite, entries)
 
 
-def _named(stored: StoredEntry) -> str:
+def _title(stored: StoredEntry) -> str:
     suite = stored.entry.suite
     return f"{suite.id} version {suite.version} ({suite.sha256[:8]})"

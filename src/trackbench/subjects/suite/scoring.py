@@ -1,4 +1,4 @@
-"""The scenarios of an entry, driven and scored: a score is always made from the stored estimates."""
+"""Scores of an entry, which are always made from the stored estimates."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 #: Tables of a result that a comparison reads.
-KEPT = ("runs", "truth", "stretches")
-#: Fields of a tracker that its estimates do not tell.
-TOLD = ("describe", "offline", "random", "sensors")
+COMPARED_TABLES = ("runs", "truth", "stretches")
+#: Fields of a tracker's result that its estimates do not determine.
+RUN_FIELDS = ("describe", "offline", "random", "sensors")
 
 
 def scored_estimates(
     scenario: SuiteScenario, name: str, estimates: Path, truths: Sequence[LoadedTruth], executor: Executor
 ) -> Result:
-    """Return the result of estimates in a file.
+    """Return the result of a tracker's estimates in a file.
 
     Args:
-        scenario: of the suite.
-        name: of the tracker.
-        estimates: the file.
-        truths: those of the scenario.
-        executor: what scores.
+        scenario: scenario of the estimates.
+        name: name of the tracker.
+        estimates: file of the estimates.
+        truths: truth of each scene of the scenario.
+        executor: executor that scores.
 
     Raises:
-        InputError: they are not of this scenario.
+        InputError: the estimates are not of this scenario.
     """
     trackers = {name: {"use": "tracks", "path": estimates.name}}
     loaded = scenario.loaded(trackers, estimates.parent)
@@ -44,37 +44,37 @@ def scored_estimates(
 
 
 def rows_of_estimates(file: Path) -> TrackRows:
-    """Return the rows of estimates, as they are scored."""
+    """Return the rows of a file of estimates."""
     (rows,) = read_tracks(TracksConfig.model_validate({"use": "tracks", "path": file.name}), "estimates", file.parent)
     return rows
 
 
-def stated_of(result: Result, fingerprints: Sequence[str], told: Mapping[str, Any], command: str = "") -> Result:
-    """Return a result with what its estimates do not tell.
+def add_run_fields(result: Result, fingerprints: Sequence[str], fields: Mapping[str, Any], command: str = "") -> Result:
+    """Return a result of estimates with the fields that the estimates do not determine.
 
     Args:
-        result: of estimates.
-        fingerprints: rounded, of the measurements of each run.
-        told: fields of the tracker.
-        command: that repeats it.
+        result: result of one tracker's estimates.
+        fingerprints: rounded fingerprints of the measurements of each run.
+        fields: values of ``RUN_FIELDS``.
+        command: command that repeats the run.
     """
     (tracker,) = result.summary.trackers
-    stated = TrackerResult.model_validate({**tracker.model_dump(), **told, "paired": True})
-    return result.updated(trackers=[stated], command=command, fingerprints=list(fingerprints))
+    paired = TrackerResult.model_validate({**tracker.model_dump(), **fields, "paired": True})
+    return result.updated(trackers=[paired], command=command, fingerprints=list(fingerprints))
 
 
 def write_estimates(table: pa.Table, path: Path) -> None:
-    """Write the estimates or tracks of a single tracker, every number to the last bit.
+    """Write the estimates or tracks of one tracker, every number to the last bit.
 
-    Their scene and run say of which measurements they are: fingerprints are others on another kind of processor.
+    The columns of tracker and fingerprint are left out, as fingerprints differ between kinds of processors.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    own = table.drop_columns([name for name in ("tracker", "fingerprint") if name in table.column_names])
-    # Words are texts, not numbers of a dictionary.
-    plain = [pa.string() if pa.types.is_dictionary(kind) else kind for kind in own.schema.types]
-    own = own.cast(pa.schema([*zip(own.column_names, plain, strict=True)]))
-    numbers = [field.name for field in own.schema if pa.types.is_floating(field.type)]
-    encoded: Any = dict.fromkeys(numbers, "BYTE_STREAM_SPLIT")
-    pq.write_table(own, path, compression="zstd", use_dictionary=False, column_encoding=encoded)
+    table = table.drop_columns([name for name in ("tracker", "fingerprint") if name in table.column_names])
+    # Dictionary columns are stored as plain text.
+    types = [pa.string() if pa.types.is_dictionary(kind) else kind for kind in table.schema.types]
+    table = table.cast(pa.schema([*zip(table.column_names, types, strict=True)]))
+    numbers = [field.name for field in table.schema if pa.types.is_floating(field.type)]
+    encodings: Any = dict.fromkeys(numbers, "BYTE_STREAM_SPLIT")
+    pq.write_table(table, path, compression="zstd", use_dictionary=False, column_encoding=encodings)

@@ -1,4 +1,4 @@
-"""The file of a suite: its scenarios with their hashes, what is compared, and the trackers that it comes with."""
+"""The file of a suite: scenarios with their digests, metrics that rank, and built-in trackers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.worlds import World
 from trackbench.truth import LoadedTruth
 
-#: Suites that come with the package.
+#: Folder of the suites that come with the package.
 FOLDER = Path(__file__).parent / "suites"
 Kind = Literal["single", "traffic"]
 KINDS: tuple[Kind, ...] = ("single", "traffic")
@@ -32,7 +32,7 @@ Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class ScenarioEntry(Config):
-    """A scenario of a suite, in one world. None of it changes under its id."""
+    """Scenario of a suite, in one world; its content never changes under its id."""
 
     id: Name
     scenario: str = Field(description="A file beside the suite's, or the name of a scenario of the package.")
@@ -43,7 +43,7 @@ class ScenarioEntry(Config):
 
 
 class SuiteFile(Config):
-    """Keys of the file of a suite."""
+    """Keys of a suite's file."""
 
     id: Name
     version: int = Field(ge=1)
@@ -71,7 +71,7 @@ class SuiteFile(Config):
 
 @dataclass(frozen=True)
 class SuiteScenario:
-    """A scenario of a suite."""
+    """Scenario of a suite, with the text of its file."""
 
     suite: Suite
     stated: ScenarioEntry
@@ -80,28 +80,28 @@ class SuiteScenario:
 
     @property
     def id(self) -> str:
-        """Name with the world, which is also that of a folder in an entry."""
+        """Id of the scenario in its world, and name of its folder in an entry."""
         return self.stated.id
 
     @cached_property
     def plain(self) -> Scenario:
-        """The scenario with the tracker that stands in its file."""
+        """Scenario with the trackers of its file."""
         return self.loaded(None, self.file.parent)
 
     @property
     def kind(self) -> Kind:
-        """Whether its trackers follow single objects or traffic."""
+        """Kind of the scenario: objects with known identities (single), or hidden identities (traffic)."""
         return "single" if self.plain.config.sensing.identities == "known" else "traffic"
 
     def loaded(self, trackers: Mapping[str, Any] | None, folder: Path) -> Scenario:
         """Return the scenario with other trackers.
 
         Args:
-            trackers: by name, as a scenario has them; None for those of the file.
-            folder: where their modules and files are looked for first.
+            trackers: values of the scenario key ``trackers``, by name; None for the trackers of the file.
+            folder: folder in which the trackers' modules and files are searched first.
 
         Raises:
-            InputError: a tracker does not fit, with the key.
+            InputError: a tracker does not fit the scenario; the error names its key.
         """
         overrides = [f"world={self.stated.world}"] if self.stated.world is not None else []
         overrides.append(f"score.margin={json.dumps(self.suite.stated.margin.model_dump())}")
@@ -109,30 +109,30 @@ class SuiteScenario:
         return scenario_of(self.text, folder / self.file.name, overrides)
 
     def why_other_truth(self, truths: Sequence[LoadedTruth]) -> str | None:
-        """Say why truths are not those of the suite; None where they are."""
-        found = digest_of(scene_fingerprint(item.truth, item.measurements) for item in truths)
-        return None if found == self.stated.truth else "has another motion than in the suite: another simulator?"
+        """Return why truths differ from the suite's, or None if they are equal."""
+        digest = digest_of(scene_fingerprint(item.truth, item.measurements) for item in truths)
+        return None if digest == self.stated.truth else "has another motion than in the suite: another simulator?"
 
     def why_other_scans(self, fingerprints: Sequence[str]) -> str | None:
-        """Say why measurements, by their rounded fingerprints, are not those of the suite; None where they are."""
-        other = digest_of(fingerprints) != self.stated.scans
-        return "has other measurements than in the suite: another version?" if other else None
+        """Return why the rounded fingerprints of measurements differ from the suite's, or None if they are equal."""
+        is_other = digest_of(fingerprints) != self.stated.scans
+        return "has other measurements than in the suite: another version?" if is_other else None
 
 
 @dataclass(frozen=True)
 class Suite:
-    """A suite and its file."""
+    """Suite with the content and the path of its file."""
 
     stated: SuiteFile
     path: Path
     sha256: str
     """Digest of the file."""
-    named: str
-    """Id or file by which the suite was named."""
+    argument: str
+    """Id or file that names the suite on the command line."""
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Id, version and digest, as an entry states them."""
+        """Id, version and digest of the suite, which an entry states too."""
         return {"id": self.stated.id, "version": self.stated.version, "sha256": self.sha256}
 
     @cached_property
@@ -140,9 +140,9 @@ class Suite:
         """Scenarios by id, in the order of the file.
 
         Raises:
-            InputError: the file of a scenario has changed, or is not there.
+            InputError: the file of a scenario has changed, or is missing.
         """
-        made = {}
+        scenarios = {}
         for number, item in enumerate(self.stated.scenarios):
             beside = self.path.parent / item.scenario
             file = beside if beside.is_file() else find_scenario(item.scenario)
@@ -150,17 +150,17 @@ class Suite:
             if hashlib.sha256(text.encode()).hexdigest() != item.sha256:
                 message = f"{file} has another sha256: a scenario never changes under its id"
                 raise InputError(message, file=self.path, key=f"scenarios.{number}.sha256")
-            made[item.id] = SuiteScenario(self, item, file, text)
-        return made
+            scenarios[item.id] = SuiteScenario(self, item, file, text)
+        return scenarios
 
     def chosen(self, only: Sequence[str]) -> list[SuiteScenario]:
-        """Return some scenarios in their order; all of no names.
+        """Return the named scenarios in the order of the suite; all scenarios if no name is given.
 
         Args:
-            only: ids of scenarios, kinds of trackers, or ``smoke``.
+            only: ids of scenarios, kinds of scenarios, or ``smoke``.
 
         Raises:
-            InputError: there is no scenario or set of a name.
+            InputError: a name is unknown.
         """
         wanted: set[str] = set()
         for name in only:
@@ -174,7 +174,7 @@ class Suite:
 
 
 def digest_of(fingerprints: Iterable[str]) -> str:
-    """Return the sha256 of fingerprints together."""
+    """Return the sha256 over all fingerprints."""
     return hashlib.sha256(" ".join(fingerprints).encode()).hexdigest()
 
 
@@ -183,14 +183,14 @@ def shipped_suites() -> dict[str, Path]:
     return {file.stem: file for file in sorted(FOLDER.glob("*.yaml"))}
 
 
-def find_suite(named: str) -> Suite:
-    """Return the suite of an id, or of a file.
+def find_suite(argument: str) -> Suite:
+    """Return the suite with an id, or in a YAML file.
 
     Raises:
-        InputError: there is none, or something is wrong in its file.
+        InputError: the suite is unknown, or its file has an error.
     """
-    path = Path(named) if Path(named).suffix in (".yaml", ".yml") else shipped_suites().get(named)
+    path = Path(argument) if Path(argument).suffix in (".yaml", ".yml") else shipped_suites().get(argument)
     if path is None:
-        raise InputError(f"there is no suite {named!r}; {nearest_choices(named, shipped_suites())}", key="ID")
+        raise InputError(f"there is no suite {argument!r}; {nearest_choices(argument, shipped_suites())}", key="ID")
     stated, text = read_config(SuiteFile, path)
-    return Suite(stated, path, hashlib.sha256(text.encode()).hexdigest(), named)
+    return Suite(stated, path, hashlib.sha256(text.encode()).hexdigest(), argument)

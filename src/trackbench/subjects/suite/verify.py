@@ -1,4 +1,4 @@
-"""``trackbench suite verify``: what of an entry was checked, what is wrong and where, and what is taken on trust."""
+"""``trackbench suite verify``: checks of an entry, with the place of each fault, and what is taken on trust."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from trackbench.runner.run import answers_of_scenes
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.suite.entry import ENTRY, ESTIMATES, EnteredScenario, StoredEntry
-from trackbench.subjects.suite.scoring import KEPT, rows_of_estimates, scored_estimates, stated_of
+from trackbench.subjects.suite.scoring import COMPARED_TABLES, add_run_fields, rows_of_estimates, scored_estimates
 from trackbench.subjects.suite.suite import SuiteScenario
 from trackbench.truth import LoadedTruth
 from trackbench.truth.tracks import TrackRows
 
-#: One of so many scenes is run again.
-ONE_OF = 10
-#: Estimates that are made again differ by less, in m and m/s, on another kind of processor.
-AGAIN = 1e-6
-#: Fields of a tracker that its estimates tell.
-SCORED = {"name", "metrics", "conditions", "health", "time_offset", "failed", "paired"}
-#: Values of a result that the estimates determine, and those that the suite's scenario determines.
-SCORES, SCENARIO = ("seed", "runs", "ranking", "fingerprints"), ("truth", "sensors", "score", "identities")
+#: One scene in this many is run again.
+SCENES_PER_RERUN = 10
+#: Tolerance of estimates from a second run on another kind of processor, m and m/s.
+RERUN_TOLERANCE = 1e-6
+#: Fields of a tracker's result that its estimates determine.
+SCORED_FIELDS = {"name", "metrics", "conditions", "health", "time_offset", "failed", "paired"}
+#: Keys of a result that the estimates determine, and keys that the suite's scenario determines.
+SCORE_KEYS, SCENARIO_KEYS = ("seed", "runs", "ranking", "fingerprints"), ("truth", "sensors", "score", "identities")
 #: Number of problems of one kind that are printed.
-SHOWN = 5
+PRINTED = 5
 
 
 class Check(NamedTuple):
-    """Something of an entry that was checked, or is taken on trust."""
+    """Outcome of a check of an entry, or something taken on trust."""
 
     outcome: Literal["checked", "failed", "on trust"]
     what: str
@@ -51,13 +51,13 @@ class Check(NamedTuple):
 
 @dataclass
 class Verifier:
-    """Checks an entry.
+    """Checks of an entry.
 
     Args:
-        stored: the entry.
-        executor: what scores and runs again.
-        isolation: how the tracker is kept apart.
-        listener: is told of the work.
+        stored: entry to be checked.
+        executor: executor of second runs and of the scoring.
+        isolation: isolation of the tracker's process.
+        listener: listener for the progress.
     """
 
     stored: StoredEntry
@@ -67,43 +67,41 @@ class Verifier:
     _truths: dict[str, list[LoadedTruth]] = field(default_factory=dict)
 
     def checks(self) -> Iterator[Check]:
-        """Yield every check; those on scores and reruns come only where files and suite are right."""
-        early = [*self._files(), *self._suite()]
-        yield from early
-        if all(check.outcome != "failed" for check in early):
-            yield from self._scores()
-            yield from self._again()
+        """Yield every check; scores and second runs are checked only if files and suite are right."""
+        first = [*self._check_files(), *self._check_suite()]
+        yield from first
+        if all(check.outcome != "failed" for check in first):
+            yield from self._check_scores()
+            yield from self._check_rerun()
         yield from self._on_trust()
 
-    def _files(self) -> Iterator[Check]:
-        """Hold each file against its digest."""
-        many = counted(len(self.stored.entry.files), "file")
-        yield from _outcome("files", self.stored.file_problems(), f"{many} and {ENTRY}, by sha256")
+    def _check_files(self) -> Iterator[Check]:
+        files = counted(len(self.stored.entry.files), "file")
+        yield from _outcome("files", self.stored.file_problems(), f"{files} and {ENTRY}, by sha256")
 
-    def _suite(self) -> Iterator[Check]:
-        """Hold the suite of the entry against the one here."""
+    def _check_suite(self) -> Iterator[Check]:
         try:
             suite = self.stored.suite
         except InputError as error:
             yield Check("failed", "suite", f"{ENTRY}: suite.id: {error.message}")
             return
-        others = differing(self.stored.entry.suite.model_dump(), suite.identity)
-        problems = [f"{ENTRY}: suite.{key}: {ours} in the entry, {theirs} here" for key, ours, theirs in others]
+        differences = differing(self.stored.entry.suite.model_dump(), suite.identity)
+        problems = [f"{ENTRY}: suite.{key}: {ours} in the entry, {theirs} here" for key, ours, theirs in differences]
         unknown = [item.id for item in self.stored.entry.scenarios if item.id not in suite.scenarios]
         problems += [f"{ENTRY}: scenarios: {suite.stated.id} has no {name}" for name in unknown]
         files = [f"{item.id}/{ESTIMATES}" for item in self.stored.entry.scenarios]
         problems += [f"{ENTRY}: files: {name} is missing" for name in files if name not in self.stored.entry.files]
-        many = f"{len(self.stored.entry.scenarios)} of {counted(len(suite.scenarios), 'scenario')}"
-        yield from _outcome("suite", problems, f"{suite.stated.id}, version {suite.stated.version}: {many}")
+        number = f"{len(self.stored.entry.scenarios)} of {counted(len(suite.scenarios), 'scenario')}"
+        yield from _outcome("suite", problems, f"{suite.stated.id}, version {suite.stated.version}: {number}")
 
     @cached_property
     def _pairs(self) -> list[tuple[SuiteScenario, EnteredScenario]]:
-        """Each scenario of the suite that is entered, with what the entry has of it."""
+        """Entered scenarios, each from the suite and from the entry."""
         scenarios = self.stored.suite.scenarios
         return [(scenarios[item.id], item) for item in self.stored.entry.scenarios]
 
-    def _scores(self) -> Iterator[Check]:
-        """Make truth, scans and scores again."""
+    def _check_scores(self) -> Iterator[Check]:
+        """Compare truth, scans and scores with those made on this machine."""
         problems: dict[str, list[str]] = {"truth": [], "scans": [], "scores": [], "bound": [], "noise": []}
         for scenario, item in self._pairs:
             with self.listener.progress(f"truth of {item.id}", "steps") as advance:
@@ -118,25 +116,25 @@ class Verifier:
             file = self.stored.folder / item.id / ESTIMATES
             try:
                 stated = Result.load(self.stored.folder / item.id)
-                found = scored_estimates(scenario, self.stored.entry.tracker.name, file, truths, self.executor)
+                scored = scored_estimates(scenario, self.stored.entry.tracker.name, file, truths, self.executor)
             except InputError as error:
                 problems["scores"].append(str(error))
                 continue
-            found = stated_of(found, fingerprints, {})
-            problems["scores"] += [f"{item.id}/{text}" for text in _score_problems(stated, found)]
-            if found.summary.trackers[0].beats_bound(found.summary.reference):
-                ratio = found.summary.trackers[0].metrics["position_over_reference"]
+            scored = add_run_fields(scored, fingerprints, {})
+            problems["scores"] += [f"{item.id}/{text}" for text in _score_problems(stated, scored)]
+            if scored.summary.trackers[0].beats_bound(scored.summary.reference):
+                ratio = scored.summary.trackers[0].metrics["position_over_reference"]
                 problems["bound"].append(f"{item.id}: its position RMSE {BEATS_BOUND} ({ratio} of the bound)")
-            problems["noise"] += [f"{item.id}/{ESTIMATES}: {text}" for text in _unmoved(rows_of_estimates(file))]
-        many = counted(len(self._pairs), "scenario")
-        yield from _outcome("truth", problems["truth"], f"the motion of {many} is the suite's")
-        yield from _outcome("scans", problems["scans"], f"the measurements of {many} are the suite's")
-        yield from _outcome("scores", problems["scores"], f"all scores of {many} come again from the estimates")
+            problems["noise"] += [f"{item.id}/{ESTIMATES}: {text}" for text in _equal_runs(rows_of_estimates(file))]
+        number = counted(len(self._pairs), "scenario")
+        yield from _outcome("truth", problems["truth"], f"the motion of {number} is the suite's")
+        yield from _outcome("scans", problems["scans"], f"the measurements of {number} are the suite's")
+        yield from _outcome("scores", problems["scores"], f"all scores of {number} come again from the estimates")
         yield from _outcome("bound", problems["bound"], "no score is below the Cramér-Rao bound, where one holds")
         yield from _outcome("noise", problems["noise"], "no two runs have the same estimates, for their noise differs")
 
-    def _again(self) -> Iterator[Check]:
-        """Run a tenth of the scenes again, drawn by the entry's own hash."""
+    def _check_rerun(self) -> Iterator[Check]:
+        """Compare the tracker's code, and the estimates of a second run of some scenes, if the tracker is available."""
         tracker = self.stored.entry.tracker
         if tracker.made == "tracks":
             yield Check("on trust", "rerun", "the tracks were made by a program that is not here")
@@ -151,11 +149,11 @@ class Verifier:
         missing, changed = set[str](), list[str]()
         for scenario, item in self._pairs:
             code = code_of_trackers(loaded[item.id])
-            here, there = code.get(tracker.name), tracker.code.get(scenario.kind)
-            if tracker.name in code and here is None:
+            ours, stated = code.get(tracker.name), tracker.code.get(scenario.kind)
+            if tracker.name in code and ours is None:
                 missing.add(str(tracker.options[scenario.kind].get("use")))
-            elif here != there:
-                changed.append(f"{ENTRY}: tracker.code.{scenario.kind}: {there} in the entry, {here} here")
+            elif ours != stated:
+                changed.append(f"{ENTRY}: tracker.code.{scenario.kind}: {stated} in the entry, {ours} here")
         if missing:
             yield Check("on trust", "rerun", f"{' and '.join(sorted(missing))} is not here: no run was made again")
             return
@@ -166,7 +164,7 @@ class Verifier:
     def _rerun(self, loaded: dict[str, Scenario]) -> Iterator[Check]:
         places = [(item.id, scene) for _, item in self._pairs for scene in range(len(self._truths.get(item.id, ())))]
         random = np.random.default_rng(int(self.stored.entry.sha256, 16))
-        drawn = sorted(random.choice(len(places), ceil(len(places) / ONE_OF), replace=False).tolist())
+        drawn = sorted(random.choice(len(places), ceil(len(places) / SCENES_PER_RERUN), replace=False).tolist())
         chosen: dict[str, list[int]] = {}
         for place in drawn:
             chosen.setdefault(places[place][0], []).append(places[place][1])
@@ -174,20 +172,20 @@ class Verifier:
         with self.listener.progress("runs made again", "scenarios") as advance:
             for number, (name, scenes) in enumerate(chosen.items()):
                 advance(number, len(chosen))
-                problems += self._problems_again(name, loaded[name], scenes)
-        many = f"{len(drawn)} of {counted(len(places), 'scene')}, drawn by the entry's hash"
-        yield from _outcome("rerun", problems, f"{many}, give the same estimates again")
+                problems += self._rerun_problems(name, loaded[name], scenes)
+        rerun = f"{len(drawn)} of {counted(len(places), 'scene')}, drawn by the entry's hash"
+        yield from _outcome("rerun", problems, f"{rerun}, give the same estimates again")
 
-    def _problems_again(self, name: str, loaded: Scenario, scenes: list[int]) -> list[str]:
+    def _rerun_problems(self, name: str, loaded: Scenario, scenes: list[int]) -> list[str]:
         import pyarrow.parquet as pq
 
         place = f"{name}/{ESTIMATES}: scene {', '.join(map(str, scenes))}"
-        found = answers_of_scenes(loaded, self._truths[name], scenes, self.executor, self.isolation)
-        if isinstance(found, Failure):
-            return [f"{place}: the tracker could not go on: {found}"]
+        answers = answers_of_scenes(loaded, self._truths[name], scenes, self.executor, self.isolation)
+        if isinstance(answers, Failure):
+            return [f"{place}: the tracker could not go on: {answers}"]
         table = pq.read_table(self.stored.folder / name / ESTIMATES)
         stated = table.filter(np.isin(table["scene"].to_numpy(), scenes))
-        problem = table_difference(stated, found.drop_columns(["tracker", "fingerprint"]), AGAIN)
+        problem = table_difference(stated, answers.drop_columns(["tracker", "fingerprint"]), RERUN_TOLERANCE)
         return [] if problem is None else [f"{place}: {problem}"]
 
     def _on_trust(self) -> Iterator[Check]:
@@ -199,40 +197,39 @@ class Verifier:
 
 
 def _outcome(what: str, problems: list[str], right: str) -> Iterator[Check]:
-    """Yield that something is right, or each problem."""
+    """Yield a passed check with the text ``right``, or a failed check for each problem."""
     if not problems:
         yield Check("checked", what, right)
-    for problem in problems[:SHOWN]:
+    for problem in problems[:PRINTED]:
         yield Check("failed", what, problem)
-    if len(problems) > SHOWN:
-        yield Check("failed", what, f"and {len(problems) - SHOWN} more")
+    if len(problems) > PRINTED:
+        yield Check("failed", what, f"and {len(problems) - PRINTED} more")
 
 
-def _score_problems(stated: Result, found: Result) -> Iterator[str]:
-    """Yield where a result states other values than its estimates give."""
-    include: Any = {"trackers": {"__all__": SCORED}, **dict.fromkeys((*SCENARIO, *SCORES), True)}
-    ours, theirs = (result.summary.model_dump(mode="json", include=include) for result in (stated, found))
-    for key, value, again in differing(ours, theirs, ROUNDING):
+def _score_problems(stated: Result, scored: Result) -> Iterator[str]:
+    """Yield the values of the stated result that differ from the result of its estimates."""
+    include: Any = {"trackers": {"__all__": SCORED_FIELDS}, **dict.fromkeys((*SCENARIO_KEYS, *SCORE_KEYS), True)}
+    values, scores = (result.summary.model_dump(mode="json", include=include) for result in (stated, scored))
+    for key, value, score in differing(values, scores, ROUNDING):
         # Another version may describe the same truth and sensors, or why a value is missing, in other words.
-        is_text = isinstance(value, str) and isinstance(again, str)
-        is_wording = is_text and (key.startswith(SCENARIO) or key.endswith(".reason"))
+        is_text = isinstance(value, str) and isinstance(score, str)
+        is_wording = is_text and (key.startswith(SCENARIO_KEYS) or key.endswith(".reason"))
         if not is_wording and key != "truth.cached":
-            yield f"result.json: {key}: the file has {value}, and the estimates give {again}"
-    for name in KEPT:
-        ours, theirs = (result.tables.if_there(name) for result in (stated, found))
-        if (problem := table_difference(ours, theirs)) is not None:
+            yield f"result.json: {key}: the file has {value}, and the estimates give {score}"
+    for name in COMPARED_TABLES:
+        if (problem := table_difference(stated.tables.if_there(name), scored.tables.if_there(name))) is not None:
             yield f"{name}.parquet: {problem}"
 
 
-def _unmoved(rows: TrackRows) -> Iterator[str]:
-    """Yield the scenes of which two runs have the same positions at all times."""
+def _equal_runs(rows: TrackRows) -> Iterator[str]:
+    """Yield a message for each two runs of a scene with equal positions at all times."""
     content: dict[tuple[str, bytes], str] = {}
     scenes = np.asarray([""] * len(rows) if rows.scene is None else rows.scene)
     runs = np.asarray([""] * len(rows) if rows.run is None else rows.run)
     values = np.stack([rows.time, rows.px, rows.py])
     for scene, run in np.unique([scenes, runs], axis=1).T.tolist():
-        own = values[:, (scenes == scene) & (runs == run)]
-        key = scene, own[:, np.lexsort(own)].tobytes()
+        estimates = values[:, (scenes == scene) & (runs == run)]
+        key = scene, estimates[:, np.lexsort(estimates)].tobytes()
         if key in content:
             yield f"scene {scene}, runs {content[key]} and {run}: the same estimates, though their noise differs"
         content[key] = run

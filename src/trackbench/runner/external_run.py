@@ -1,4 +1,4 @@
-"""Tracks that another program wrote, scored beside the trackers that take scans, and the offset of their clock."""
+"""Tracks that another program wrote: their histories for scoring, and the offset of their clock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.scorer import SceneRuns
 from trackbench.results import MetricValue
-from trackbench.runner.filed_tracks import (
+from trackbench.runner.external_tracks import (
     clock_shift,
     inside,
     rows_of_run,
@@ -21,50 +21,51 @@ from trackbench.runner.filed_tracks import (
     why_other_scans,
 )
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.scans import Measurements
+from trackbench.sensing.scans import Measurements, fingerprint_of
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import TrackRows
 
-#: Offsets that are tried first, to this on both sides, s.
+#: The first search for the offset goes from -FARTHEST_S to FARTHEST_S, s.
 FARTHEST_S = 2.0
-#: Rows of a run that are looked at.
+#: Largest number of rows of a run that the search uses.
 MOST_ROWS = 4000
-#: Below this speed, m/s, and below this share of the speed that it has at most, an object has no direction of motion.
+#: An object has no direction of motion below this speed, m/s, or below this share of its largest speed.
 SLOW_MPS, SLOW_SHARE = 0.5, 0.25
-#: An object moves, and does not stand, if it gets this many standard deviations of its positions far.
+#: An object counts as moving if its positions spread by this many standard deviations of their noise.
 FAR = 20.0
+#: Largest number of Gauss-Newton steps.
 STEPS = 30
-#: With a longer interval, from end to end, nothing is known, s.
+#: An offset whose interval is wider is reported as unknown, s.
 USELESS_S = 0.5
-#: A shorter offset is not spoken of, s, nor one that moves a track by a smaller share of its error.
+#: A smaller offset is not mentioned, s, nor one that moves a track by a smaller share of its error.
 LEAST_S, LEAST_SHARE = 1e-3, 0.1
 
-#: Positions as they are.
+#: The matrix that leaves positions as they are.
 _AS_STATED = np.eye(2)
 NOTHING_MOVES = "no track is on an object that moves"
 
 
 class TrackOffset(NamedTuple):
-    """What the position errors along the paths say."""
+    """Offset of an external clock, from the position errors along the paths."""
 
     time: MetricValue
-    """To be added to the time stamps, s, beside the shift."""
+    """Offset to be added to the time stamps, s, beside the known shift."""
     shown: bool
-    """Whether the offset is worth a word."""
+    """Whether the offset is large and certain enough to be mentioned."""
 
 
 def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: float) -> Array:
-    """``(4, P)`` of the rows near an object: time, number of the object, y and its speed.
+    """Return ``(4, P)`` for the rows near an object: time, number of the object, y (m) and the object's speed.
 
-    y, m, is the error along the path with time stamps moved by some t, plus t times the speed. To first order it is the
-    shift along the path plus the offset times the speed. Which t is found by search, then by Gauss-Newton.
+    Time stamps are moved by a time t, found by a search and then by Gauss-Newton. y is the error along the path after
+    that move, plus t times the speed: to first order a shift along the path plus the clock offset times the speed.
 
     Args:
-        rows: of the run, in the order of time.
-        truth: of the scene.
-        run: whose motion it is.
+        rows: rows of the run, in the order of time.
+        truth: truth of the scene.
+        run: number of the run, which selects the truth's motion.
         shift: added to the rows' times, s.
-        cutoff: distance at which a row is on no object, m.
+        cutoff: distance from which a row is on no object, m.
     """
     near = NearestObject(rows, truth, run, shift)
     if not len(near.stamp) or not truth.ids:
@@ -91,25 +92,25 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
 
 
 class NearestObject:
-    """The nearest object of each row within the time of the truth, of ``MOST_ROWS`` at most.
+    """Nearest object of each row within the time of the truth; uses ``MOST_ROWS`` rows at most.
 
     Args:
-        rows: of the run, in the order of time.
-        truth: of the scene.
-        run: whose motion it is.
+        rows: rows of the run, in the order of time.
+        truth: truth of the scene.
+        run: number of the run, which selects the truth's motion.
         shift: added to the rows' times, s.
     """
 
     def __init__(self, rows: TrackRows, truth: Truth, run: int, shift: float) -> None:
         stamp = rows.time + shift
-        chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
-        chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
-        self.stamp = stamp[chosen]
-        """``(rows,)`` times of the rows, s after the start of the truth."""
-        self._truth, self._place = truth, np.stack([rows.px[chosen], rows.py[chosen]])
+        numbers = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
+        numbers = numbers[:: -(-len(numbers) // MOST_ROWS) or 1]
+        self.stamp = stamp[numbers]
+        """``(rows,)`` times of the rows in use, s after the start of the truth."""
+        self._truth, self._place = truth, np.stack([rows.px[numbers], rows.py[numbers]])
         self._motion = truth.state_of_run(run)
         self.slow = np.full(len(truth.ids), np.inf)
-        """``(objects,)`` m/s, below which each has no direction of motion."""
+        """``(objects,)`` speed below which each object has no direction of motion, m/s."""
         for item, alive in enumerate(truth.alive.T):
             place, velocity = self._motion[:2, alive, item], self._motion[2:, alive, item]
             if alive.any() and np.hypot(*np.ptp(place, axis=1)) > FAR * truth.recorded_noise.position_m:
@@ -117,11 +118,11 @@ class NearestObject:
                 self.slow[item] = min(SLOW_MPS, SLOW_SHARE * fastest)
 
     def at(self, moved: float, frame: Array = _AS_STATED) -> tuple[Array, Array, Array, Array]:
-        """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object.
+        """Return ``(rows,)`` nearest object and squared distance, ``(2, rows)`` position error and object's velocity.
 
         Args:
             moved: added to the time stamps, s.
-            frame: ``(2, 2)`` by which the rows' positions are turned or mirrored.
+            frame: ``(2, 2)`` matrix that turns or mirrors the rows' positions.
         """
         when = self.stamp + moved
         states = np.empty((4, len(self._truth.ids), len(when)))
@@ -130,30 +131,30 @@ class NearestObject:
             for row in range(4):
                 states[row, item] = np.interp(when, self._truth.time, self._motion[row, :, item])
         away = (frame @ self._place)[:, None] - states[:2]
-        there = self._truth.alive[step].T & (when >= self._truth.time[0]) & (when <= self._truth.time[-1])
-        square = np.where(there, (away**2).sum(axis=0), np.inf)
+        is_present = self._truth.alive[step].T & (when >= self._truth.time[0]) & (when <= self._truth.time[-1])
+        square = np.where(is_present, (away**2).sum(axis=0), np.inf)
         number = np.argmin(square, axis=0)
         columns = np.arange(len(when))
         return number, square[number, columns], away[:, number, columns], states[2:, number, columns]
 
 
 def offset_of(pairs: Array) -> TrackOffset:
-    """The offset and the shift along the path by least squares, with the interval of the offset.
+    """Estimate the clock offset and the shift along the path by least squares, with the offset's 95 % interval.
 
-    With ``OBJECTS`` objects or more the shift is the same for all, and the interval is the wider of that over blocks of
-    time and that over whole objects. With fewer each object has its own, and the speed has to change. Over
-    ``FEWEST`` runs or more the interval is over runs instead.
+    With ``OBJECTS`` objects or more all share one shift; the interval is the wider of two, over blocks of time and over
+    whole objects. With fewer objects each has a shift of its own, so that only changes of speed tell the offset.
+    With ``FEWEST`` runs or more all share one shift, and the interval is over runs.
 
     Args:
-        pairs: ``(5, P)`` run, and the rows of `offset_pairs`.
+        pairs: ``(5, P)`` number of the run, then the rows of `offset_pairs`.
     """
     run, time, number, y, speed = pairs
     if not len(y):
         return TrackOffset(MetricValue(unit="s", reason=NOTHING_MOVES), shown=False)
     owner = np.unique(number, return_inverse=True)[1]
     runs = np.unique(run, return_inverse=True)[1]
-    of_all = owner.max() + 1 >= OBJECTS or runs.max() + 1 >= FEWEST
-    group = np.zeros_like(owner) if of_all else owner
+    one_shift = owner.max() + 1 >= OBJECTS or runs.max() + 1 >= FEWEST
+    group = np.zeros_like(owner) if one_shift else owner
     centred = [each - (np.bincount(group, each) / np.bincount(group))[group] for each in (speed, y)]
 
     def unknown(reason: str) -> TrackOffset:
@@ -163,7 +164,7 @@ def offset_of(pairs: Array) -> TrackOffset:
         return unknown("speeds are too alike to tell a time offset from a shift along the path")
     value = float(centred[0] @ centred[1] / (centred[0] @ centred[0]))
     residual = centred[1] - value * centred[0]
-    # Runs one after the other.
+    # The runs are laid one after the other on a common time axis.
     length = float(np.ptp(time)) + 1.0
     following = time + length * (LONGER + 1) * runs
     order = np.argsort(following, kind="stable")
@@ -192,18 +193,18 @@ def _slope(sums: Array) -> Array:
     return np.asarray((xy - x * y / count) / (xx - x * x / count))[None]
 
 
-class FiledHistories:
-    """The tracks of a file at the instants of a scene's runs, with the truth at their time stamps.
+class ExternalHistories:
+    """Tracks of a file at the instants of a scene's runs, with the truth at their time stamps.
 
     Args:
-        work: what all blocks share.
+        work: data shared by all blocks.
         piece: the runs.
-        name: of the tracker.
-        measurements: of the runs, whose fingerprints the file may name.
+        name: name of the tracker.
+        measurements: measurements of the runs, whose fingerprints the file may name.
     """
 
     def __init__(self, work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> None:
-        config, files = work.trackers[name], work.filed[name]
+        config, files = work.trackers[name], work.external_tracks[name]
         assert isinstance(config, TracksConfig)
         assert work.track_score is not None
         self._piece, self._measurements, self._cutoff = piece, measurements, work.track_score.cutoff
@@ -212,15 +213,15 @@ class FiledHistories:
         self._file, self._key = files_in(config.path)[place], f"trackers.{name}"
         self._pairs: list[Array] = []
         self.counts = np.zeros(3, dtype=np.intp)
-        """Numbers of rows, of those within the time of the truth, and of runs without any."""
+        """Number of rows, of rows within the time of the truth, and of runs without such rows."""
 
     @property
     def offsets(self) -> Array:
-        """``(5, P)`` of all runs so far: the run, and the rows of `offset_pairs`."""
+        """``(5, P)`` over all runs so far: number of the run, then the rows of `offset_pairs`."""
         return np.concatenate(self._pairs, axis=1)
 
     def of_run(self, scene: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
-        """Return truth and tracks of a run, counted from the first of the scene.
+        """Return the truth and the tracks of a run; ``run`` counts from the first run of the block.
 
         Raises:
             InputError: the tracks were made of other scans.
@@ -228,12 +229,12 @@ class FiledHistories:
         number, truth = scene.runs.start + run, scene.truth
         shift = clock_shift(self._rows, truth, self._offset)
         rows = rows_of_run(self._rows, self._piece.scene, number)
-        problem = why_other_scans(rows, self._measurements.digests[run].hex()[:16])
-        # Without a sensor there are no scans that the tracks could have been made of.
+        problem = why_other_scans(rows, fingerprint_of(self._measurements.digests[run]))
+        # Without sensors there are no scans with which the fingerprint could agree.
         if problem is not None and self._measurements.scans:
             raise InputError(f"scene {self._piece.scene}, run {number}: {problem}", file=self._file, key=self._key)
-        there = inside(rows, shift, truth.time[0], truth.time[-1])
-        self.counts += len(rows), there.sum(), not there.any()
+        is_inside = inside(rows, shift, truth.time[0], truth.time[-1])
+        self.counts += len(rows), is_inside.sum(), not is_inside.any()
         time = truth.time[scene.due.steps]
         history, stamp = tracks_at_instants(rows, time, shift)
         pairs = offset_pairs(rows, truth, number, shift, self._cutoff)

@@ -8,26 +8,26 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Gaussian
-from trackbench.runner.filed_tracks import clock_shift, rows_of_run, why_other_scans
+from trackbench.runner.external_tracks import clock_shift, rows_of_run, why_other_scans
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.scans import Measurements
+from trackbench.sensing.scans import Measurements, fingerprint_of
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import SAME_STAMP_S, TrackRows
 
 
-def filed_estimates(work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> Gaussian:
-    """Return the estimates of a file in some runs: mean ``(4, instants, objects, runs)`` and its covariance.
+def external_estimates(work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> Gaussian:
+    """Return a file's estimates of some runs: mean ``(4, instants, objects, runs)`` and its covariance.
 
     Args:
-        work: what all blocks share.
+        work: data shared by all blocks.
         piece: the runs.
-        name: of the tracker.
-        measurements: of the runs, whose fingerprints the file may name.
+        name: name of the tracker.
+        measurements: measurements of the runs, whose fingerprints the file may name.
 
     Raises:
-        InputError: a row is of other scans, of no object or at no instant, or has no velocity or no covariance.
+        InputError: a row has another fingerprint, an unknown object, no scan at its time, no velocity or no covariance.
     """
-    config, files = work.trackers[name], work.filed[name]
+    config, files = work.trackers[name], work.external_tracks[name]
     assert isinstance(config, TracksConfig)
     place = piece.scene if len(files) > 1 else 0
     rows, file = files[place], Path(files_in(config.path)[place])
@@ -37,26 +37,28 @@ def filed_estimates(work: Work, piece: BlockRuns, name: str, measurements: Measu
     shape = len(time), len(ids), len(piece.runs)
     placed = Gaussian(np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan))
     for column, run in enumerate(piece.runs):
-        own = rows_of_run(rows, piece.scene, run)
+        run_rows = rows_of_run(rows, piece.scene, run)
         where = f"scene {piece.scene}, run {run}"
-        problem = why_other_scans(own, measurements.digests[column].hex()[:16]) or _why_not_placed(own, ids)
+        fingerprint = fingerprint_of(measurements.digests[column])
+        problem = why_other_scans(run_rows, fingerprint) or _why_not_placed(run_rows, ids)
         if problem is not None:
             raise InputError(f"{where}: {problem}", file=file, key=f"trackers.{name}")
-        stamp = own.time + shift
+        stamp = run_rows.time + shift
         instant = np.clip(np.searchsorted(time, stamp - SAME_STAMP_S), 0, len(time) - 1)
         away = np.abs(time[instant] - stamp) > SAME_STAMP_S
         if away.any():
             at = f"there is no scan at {stamp[away][0]:.9g} s, where an estimate is given"
             raise InputError(f"{where}: {at}", file=file, key=f"trackers.{name}")
         number = {name: index for index, name in enumerate(ids)}
-        item = np.array([number[each] for each in own.id], dtype=np.intp)
-        placed.mean[:, instant, item, column] = np.stack([own.px, own.py, *own.velocity])  # type: ignore[list-item]
-        placed.covariance[:, :, instant, item, column] = own.covariance
+        item = np.array([number[each] for each in run_rows.id], dtype=np.intp)
+        states = np.stack([run_rows.px, run_rows.py, *run_rows.velocity])  # type: ignore[list-item]
+        placed.mean[:, instant, item, column] = states
+        placed.covariance[:, :, instant, item, column] = run_rows.covariance
     return placed
 
 
 def _why_not_placed(rows: TrackRows, ids: tuple[str, ...]) -> str | None:
-    """Say why rows are no estimates of known objects; None where they are."""
+    """Say why rows cannot be scored as estimates of known objects; None where they can."""
     if not len(rows):
         return None
     unknown = sorted({*rows.id} - {*ids})

@@ -1,4 +1,4 @@
-"""Answers of a tracker in every run: the table ``answers`` of a result, which ``use: tracks`` scores."""
+"""Records of the table ``answers``, a tracker's answers in every run, which ``use: tracks`` can score."""
 
 from __future__ import annotations
 
@@ -12,18 +12,12 @@ from trackbench.results.columns import Record
 from trackbench.runner.batches import Batch
 from trackbench.runner.recorded import state_columns
 from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.scans import fingerprint_of
 from trackbench.trackers.answers import NO_TRACK
 
 
 def answer_records(work: Work, batch: Batch, name: str, answers: Sequence[Any]) -> dict[BlockRuns, list[Record]]:
-    """Return the records of a tracker's answers by piece of a batch: one record a run.
-
-    Args:
-        work: what all blocks share.
-        batch: the runs.
-        name: of the tracker.
-        answers: at each instant, for all members of the batch.
-    """
+    """Return one record per run, by piece of a batch, of a tracker's answers at each instant."""
     records, first = dict[BlockRuns, list[Record]](), 0
     for piece in batch.pieces:
         scene = work.scenes[piece.scene]
@@ -37,7 +31,7 @@ def answer_records(work: Work, batch: Batch, name: str, answers: Sequence[Any]) 
                     "tracker": name,
                     "scene": np.full(len(instant), piece.scene),
                     "run": np.full(len(instant), run),
-                    "fingerprint": batch.measurements.digests[number].hex()[:16],
+                    "fingerprint": fingerprint_of(batch.measurements.digests[number]),
                     "time_s": time[instant],
                     **columns,
                 }
@@ -47,25 +41,24 @@ def answer_records(work: Work, batch: Batch, name: str, answers: Sequence[Any]) 
 
 
 def _of_tracks(answers: Sequence[Tracks], run: int) -> dict[str, Any]:
-    """Return the columns of the tracks of one run."""
-    there = [np.flatnonzero(tracks.ids[:, run] != NO_TRACK) for tracks in answers]
-    kept = [(tracks, own) for tracks, own in zip(answers, there, strict=True) if len(own)]
+    columns = [np.flatnonzero(tracks.ids[:, run] != NO_TRACK) for tracks in answers]
+    pairs = [(tracks, column) for tracks, column in zip(answers, columns, strict=True) if len(column)]
     none = np.zeros((4, 4, 0))
-    mean = np.concatenate([none[0], *(tracks.mean[:, own, run] for tracks, own in kept)], axis=1)
-    covariance = np.concatenate([none, *(tracks.covariance[:, :, own, run] for tracks, own in kept)], axis=2)
+    mean = np.concatenate([none[0], *(tracks.mean[:, column, run] for tracks, column in pairs)], axis=1)
+    covariance = np.concatenate([none, *(tracks.covariance[:, :, column, run] for tracks, column in pairs)], axis=2)
     existence = [
-        np.full(len(own), np.nan) if tracks.existence is None else tracks.existence[own, run] for tracks, own in kept
+        np.full(len(column), np.nan) if tracks.existence is None else tracks.existence[column, run]
+        for tracks, column in pairs
     ]
     return {
-        "instant": np.repeat(np.arange(len(answers)), [len(own) for own in there]),
-        "track": np.concatenate([np.zeros(0, dtype=np.intp), *(tracks.ids[own, run] for tracks, own in kept)]),
+        "instant": np.repeat(np.arange(len(answers)), [len(column) for column in columns]),
+        "track": np.concatenate([np.zeros(0, dtype=np.intp), *(tracks.ids[column, run] for tracks, column in pairs)]),
         **state_columns(mean, covariance),
         "existence": np.concatenate([np.zeros(0), *existence]),
     }
 
 
 def _of_objects(answers: Sequence[Estimate | None], run: int, batch: Batch, truth: Any) -> dict[str, Any]:
-    """Return the columns of the estimates of known objects in one run."""
     runs = sum(len(piece.runs) for piece in batch.pieces)
     none = np.full((4, 4, len(truth.ids)), np.nan)
     means = [none[0] if answer is None else answer.mean[:, run::runs] for answer in answers]

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.runner.filed_run import offset_of
+from trackbench.runner.external_run import offset_of
 
 #: Two cars that go straight on at 20 m/s and 25 m/s, seen by nobody.
 SCENE = """\
