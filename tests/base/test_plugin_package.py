@@ -112,7 +112,7 @@ def scenario(folder: Path, *changes: tuple[str, str]) -> str:
 def test_a_scenario_of_plug_ins_runs_and_its_reports_have_the_metric(installed: Trackbench, tmp_path: Path) -> None:
     done = installed("run", scenario(tmp_path), "--no-recording")
     assert done.returncode == 0, done.stderr
-    assert "all 2 expectations met" in " ".join(done.stdout.split())
+    assert "all 2 expectations of the scenario are met" in " ".join(done.stdout.split())
     # The terminal's table has the same columns for every scenario.
     assert "largest_error" not in done.stdout
     folder = tmp_path / "results" / "plugged"

@@ -110,7 +110,7 @@ def test_json_of_several_scenarios_is_a_list(cli: Cli, tiny: Path) -> None:
 @pytest.mark.parametrize(
     ("limit", "status", "word"),
     [
-        ("below: 100", 0, "expectation is met"),
+        ("below: 100", 0, "expectation of the scenario is met"),
         ("above: 100", 1, "wanted above 100"),
         ("better_than: raw", 0, "is met"),
     ],

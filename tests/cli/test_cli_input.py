@@ -32,9 +32,13 @@ BAD_USAGE = [
     (["doctor", "own.py"], "own.py: name the class in it: own:Class"),
     (
         ["inspect", "exam"],
-        "exam: no result.json in this folder: it is that of an examination: open its report.html; `trackbench view`",
+        "exam: no result.json in this folder: it is the folder of an examination: open its report.html; `trackbench "
+        "view`",
     ),
-    (["report", "exam"], "exam: no result.json in this folder: it is that of an examination: open its report.html"),
+    (
+        ["report", "exam"],
+        "exam: no result.json in this folder: it is the folder of an examination: open its report.html",
+    ),
     (["report", "tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json; a scenario is run first"),
     (["inspect", "tiny.yaml"], "tiny.yaml: not a Rerun recording (.rrd); a scenario is run first: `trackbench run`"),
     (["run", "emty/"], "emty: there is no such file; `trackbench list scenarios` shows those that come with"),
@@ -48,7 +52,7 @@ BAD_INPUT = [
     (["tiny.yaml", "--trackers", ""], "--trackers: name at least one tracker"),
     (["tiny.yaml", "--out", "tiny.yaml/x"], "--out: cannot write to tiny.yaml/x: Not a directory"),
     (["tiny.yaml", "--out", "/proc"], "--out: cannot write to /proc: "),
-    (["tiny.yaml", "tiny.yaml"], "name: tiny.yaml has the same name 'tiny'; give each scenario its own"),
+    (["tiny.yaml", "tiny.yaml"], "name: 'tiny' is also the name of tiny.yaml; give each scenario its own name"),
     (["tiny.yaml", "--set", "seed=1"], "--set seed=1: seed: unknown key"),
     (["tiny.yaml", "--set", "truth.env=higway-v0"], "--set truth.env=higway-v0: truth.env: unknown highway-env id"),
     (["tiny.yaml", "--seed", "99999999999"], "monte_carlo.seed: "),
@@ -56,7 +60,7 @@ BAD_INPUT = [
     (["tiny.yaml", "--set", "sensors.rader.rate_hz=5"], "there is no 'rader' in sensors; did you mean 'radar'?"),
     (["tiny.yaml", "--set", "trackers.cv.motion=ca"], "there is no 'cv' in trackers; choose from: ekf, raw"),
     (["tiny.yaml", "--set", "monte_carlo.run=5"], "monte_carlo.run: unknown key; did you mean 'runs'?"),
-    (["taken.yaml"], "results/taken: there already, and not the folder of a run: not replaced"),
+    (["taken.yaml"], "results/taken: it exists and is not the folder of a run, so it is not replaced"),
 ]
 
 # What is replaced in the scenario, by what, and the message after the file's name.

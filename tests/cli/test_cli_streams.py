@@ -82,7 +82,7 @@ def test_what_the_output_lacks_is_a_question_mark(shell: Shell, variables: dict[
 
 def test_a_working_directory_that_was_deleted(shell: Shell) -> None:
     done = shell("mkdir gone && cd gone && rmdir ../gone && tb run highway")
-    assert one_line(done, 2) == "the working directory is not there any more; change to one that is"
+    assert one_line(done, 2) == "the working directory no longer exists; change to another one"
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def test_more_workers_than_anybody_has_are_refused(name: str) -> None:
 
 @pytest.mark.parametrize("workers", [0, -1, True, 1.5, MOST_WORKERS + 1, 10**20, "2", float("nan")])
 def test_so_are_they_in_a_program(workers: Any) -> None:
-    with pytest.raises(InputError, match=f"^workers: .* is no number of processes; give .* 1 to {MOST_WORKERS}"):
+    with pytest.raises(InputError, match=f"^workers: .* is not a number of processes; give .* 1 to {MOST_WORKERS}"):
         executor(workers).__enter__()
 
 

@@ -59,7 +59,7 @@ def test_quiet_says_the_outcome_and_what_failed(cli: Cli, tiny: Path) -> None:
     done = cli("run", "tiny.yaml", "--no-recording", "--quiet", "--set", expect)
     assert (done.status, done.err) == (1, "")
     first, missed = done.out.splitlines()
-    assert first == "tiny: 1 of 1 expectation failed"
+    assert first == "tiny: 1 of 1 expectation of the scenario failed"
     assert re.fullmatch(r"  FAILED ekf position_rmse \S+, wanted above 100", missed)
 
 

@@ -260,7 +260,7 @@ def test_p_values_are_corrected_for_the_number_of_differences_but_not_for_identi
 def test_one_run_shows_no_difference(keep: Keep) -> None:
     found = compare_results([keep("monte_carlo.runs=1")])
     assert [(item.ci95, item.verdict) for item in found.differences] == [(None, UNDECIDED)]
-    assert "one run is compared by nothing but its values" in found.notes
+    assert "a single run has no interval, so only its values are compared" in found.notes
 
 
 def test_a_metric_of_which_neither_is_better_is_larger_or_smaller(keep: Keep) -> None:

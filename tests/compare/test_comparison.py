@@ -142,14 +142,14 @@ def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
         assert 1 <= item.ci95[0] <= item.mean_rank <= item.ci95[1] <= 4
     assert compared.ranking[3].ci95 is None
     assert not any(item.shown for item in compared.rank_differences)
-    assert "with 4 trackers that takes 8 sets of scenes, here are 4." in markdown(compared)
+    assert "with 4 trackers that takes 8 sets of scenes, and here are 4." in markdown(compared)
 
 
 @pytest.mark.parametrize(
     ("scenarios", "claim"),
     [
-        (3, "with 2 trackers that takes 6 sets of scenes, here are 3."),
-        (5, "with 2 trackers that takes 6 sets of scenes, here are 5."),
+        (3, "with 2 trackers that takes 6 sets of scenes, and here are 3."),
+        (5, "with 2 trackers that takes 6 sets of scenes, and here are 5."),
         (6, "mean rank is shown to be the best (sign-flip test of the ranks over the sets of scenes, p = 0.031)."),
     ],
 )

@@ -113,7 +113,7 @@ def test_every_later_result_is_held_against_the_first(nights: list[Result], cli:
 
 def test_results_that_are_not_in_the_order_of_time_are_named(nights: list[Result]) -> None:
     comparison = tb.compare(nights[0], nights[3], nights[2])
-    assert comparison.notes == ["results 3 was made before results 2, which stands before it"]
+    assert comparison.notes == ["results 3 was made before results 2, which is listed before it"]
     assert tb.compare(*nights).notes == []
 
 

@@ -88,7 +88,7 @@ STEPS: dict[str, tuple[str, str | None, bool]] = {
     "closes_stdout": ("os.closerange(1, 3)", None, False),
     "closes_everything": ("os.closerange(0, 4096)", "its process ended itself", False),
     "talks": ("print('x' * 10**5)", None, False),
-    "babbles": ("[os.write(n, b'x' * 64) for n in range(3, 64) if is_pipe(n)]", "its standard output is no", False),
+    "babbles": ("[os.write(n, b'x' * 64) for n in range(3, 64) if is_pipe(n)]", "its output is no message", False),
     "looks_for_the_truth": (
         "assert not truth_in(sys._current_frames().values())\n        frame = sys._getframe()\n"
         "        while frame: assert not truth_in([frame]); frame = frame.f_back",

@@ -169,7 +169,7 @@ def test_a_tracker_that_takes_too_much_memory_is_named(
     failed = result["mine"].failed
     assert failed is not None
     assert failed.cause.startswith("it took ")
-    assert failed.cause.endswith(" GB of memory, where it may take 0.5 GB (see --tracker-memory)")
+    assert failed.cause.endswith(" GB of memory, more than the 0.5 GB allowed (see --tracker-memory)")
     assert result["ekf"].failed is None
 
 

@@ -187,7 +187,7 @@ def test_a_track_below_0_is_no_padding(launch: Launch) -> None:
 FAULTS = {
     "prints": (
         "print('starting up')\nsys.stdout.flush()",
-        r"its standard output is no frame: it begins with 'starting up\\n.*; what a program prints belongs on standard",
+        r"its output is no message: it begins with 'starting up\\n.*; what a program prints belongs on standard",
     ),
     "prints a little": (ANSWER + "print('ok', flush=True); send(**usual(message))", "it begins with 'ok\\\\n"),
     "leaves": ("sys.stderr.write('no licence\\n'); sys.exit(3)", "with status 3$"),
@@ -198,11 +198,11 @@ FAULTS = {
     "stops in a frame": (ANSWER + "write(b'\\x10\\0\\0\\0\\x81'); time.sleep(60)", "no answer within 2 s"),
     "says why": (ANSWER + "send(type='error', message='no such sensor')", "^./program: no such sensor$"),
     "another version": ("ABOUT['version'] = 2", "it speaks version 2 of the protocol, and this trackbench 1"),
-    "no version": ("del ABOUT['version']", "where hello with a version is due"),
-    "no map": (ANSWER + "write(b'\\2\\0\\0\\0\\x91\\1')", "is no frame"),
+    "no version": ("del ABOUT['version']", "hello with a version is needed"),
+    "no map": (ANSWER + "write(b'\\2\\0\\0\\0\\x91\\1')", "is no message"),
     "another id": (ANSWER + "send(**usual(message) | {'id': 9})", "answered a scan of tracker 1 with 'estimate' of 9"),
     "another type": (ANSWER + "send(type='estimat', id=1)", "answered a scan of tracker 1 with 'estimat' of 1"),
-    "too long": (ANSWER + "write(struct.pack('<I', 1 << 31) + b'\\x81')", "is no frame"),
+    "too long": (ANSWER + "write(struct.pack('<I', 1 << 31) + b'\\x81')", "is no message"),
     "too few numbers": (ANSWER + "send(**usual(message) | {'mean': [[4], bytes(24)]})", "mean has 24 bytes"),
     "another shape": (ANSWER + "send(**usual(message) | {'mean': packed(np.ones(3))})", r"mean has the shape \(3,\)"),
     "nan": (ANSWER + "send(**usual(message) | {'mean': packed([1, 2, 3, np.nan])})", "the estimate is not finite"),
@@ -246,7 +246,7 @@ def test_more_than_a_pipe_holds_goes_either_way(launch: Launch) -> None:
     ("instead", "said"),
     [
         ("os.close(1); time.sleep(60)", "its process closed the connection$"),
-        ("[write(bytes(1 << 16)) for _ in iter(int, 1)]", "its standard output is no frame"),
+        ("[write(bytes(1 << 16)) for _ in iter(int, 1)]", "its output is no message"),
     ],
 )
 def test_one_that_does_not_read_is_ended_whatever_it_writes(launch: Launch, instead: str, said: str) -> None:

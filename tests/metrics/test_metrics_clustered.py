@@ -133,13 +133,13 @@ def test_intervals_of_stretches_whose_neighbours_are_alike_cover_too() -> None:
 @pytest.mark.parametrize(
     ("path", "runs", "reason"),
     [
-        ("tgospa", 49, "no interval holds with fewer than 50 runs"),
+        ("tgospa", 49, "no valid interval with fewer than 50 runs"),
         ("tgospa", 50, None),
-        ("false_tracks", 9, "no interval holds with fewer than 10 runs"),
+        ("false_tracks", 9, "no valid interval with fewer than 10 runs"),
         ("false_tracks", 10, None),
-        ("position_rmse", 399, "no interval holds with fewer than 400 runs"),
+        ("position_rmse", 399, "no valid interval with fewer than 400 runs"),
         ("position_rmse", 400, None),
-        ("velocity_rmse", 1000, "no interval holds over runs, of which few decide the value"),
+        ("velocity_rmse", 1000, "no valid interval over runs: a few of them decide the value"),
         ("tgospa", 1, "too short for an interval"),
     ],
 )

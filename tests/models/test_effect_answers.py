@@ -84,6 +84,6 @@ def test_a_wrong_answer_is_said_with_its_method(
 def test_an_effect_that_does_nothing_is_refused(tmp_path: Path, write_module: Callable[..., str]) -> None:
     module = write_module(tmp_path, "from trackbench.models.sensors.effects import Effect\nclass Odd(Effect): pass\n")
     registry: Registry[Any] = EFFECTS
-    with pytest.raises(TrackbenchError, match="is no sensor effect: it has none of before, after and alarms"):
+    with pytest.raises(TrackbenchError, match="is no sensor effect: it has no method before, after or alarms"):
         registry.get(f"{module}:Odd", tmp_path)
     assert not EFFECTS.failures()

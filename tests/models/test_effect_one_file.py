@@ -63,7 +63,7 @@ def test_the_effect_of_the_page_is_seen_in_the_measurements(tmp_path: Path, spik
         ("{type: bias, sigmas: {azimut_deg: 1}}", "11: sensors.radar.effects.0.sigmas.azimut_deg: is no component"),
         (
             "{type: interference, per_minute: 1, duration_s: 1, alarms_per_scan: 3}",
-            "11: sensors.radar.effects.0.alarms_per_scan: needs a field of view that ends",
+            "11: sensors.radar.effects.0.alarms_per_scan: needs a limited range",
         ),
         ("{along_m: 1}", "11: sensors.radar.effects.0.type: missing"),
     ],

@@ -99,7 +99,7 @@ def test_what_is_needed_is_what_is_measured(measures: tuple[str, ...]) -> None:
         (error,) = caught.value.errors()
         assert error["loc"] == (key,)
         if name not in measures:
-            assert error["msg"].startswith(f"measures is [{', '.join(measures)}], which is without it; remove this")
+            assert error["msg"].startswith(f"measures is [{', '.join(measures)}], which does not have it; remove this")
 
 
 @every_subset
@@ -183,5 +183,5 @@ def test_what_cannot_be_measured_is_refused(measures: Any, message: str) -> None
 
 
 def test_clutter_of_a_range_rate_that_is_not_measured_is_refused() -> None:
-    with pytest.raises(ValidationError, match="which is without it; remove this"):
+    with pytest.raises(ValidationError, match="which does not have it; remove this"):
         Radar(**options(("range", "azimuth"), max_range_m=50, clutter={"per_scan": 1, "range_rate_mps": [-5.0, 5.0]}))

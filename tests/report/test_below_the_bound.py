@@ -44,7 +44,7 @@ def test_one_that_beats_a_true_bound_is_said_first_and_is_not_ranked(tiny_result
 def test_below_any_other_reference_it_is_a_remark(tiny_result: Result, kind: str, acceleration: float) -> None:
     result = below(tiny_result, kind, acceleration)
     label = result.summary.held_against.label
-    remark = f"ekf is below the {label}: it expects this motion, or knows more than its measurements say"
+    remark = f"ekf is below the {label}: it expects this motion, or uses more than its measurements"
     assert below_the_bound(result) == [remark]
     assert remark in printed(result)
     assert not result.why_unscored(result["ekf"])

@@ -77,7 +77,7 @@ def test_the_column_says_who_is_not_shown_worse(many: Result, tmp_path: Path) ->
     assert f"minus {many.contenders[0].name}, m" in page
     console = Console(file=io.StringIO(), width=80)
     print_summary(many, console, wide=True)
-    assert f"best?: not shown over 5 mm worse than {many.contenders[0].name}, the best of 31" in (
+    assert f"best?: not shown to be worse than {many.contenders[0].name}, the best of 31, by more than 5 mm" in (
         " ".join(console.file.getvalue().split())
     )
     many.save(tmp_path / "many")

@@ -119,7 +119,7 @@ def test_verdicts_in_words(page: Page) -> None:
     assert any(row[:2] == ["ekf_cv", "too large"] for row in page.rows)
     assert any([*row[:2], row[-1]] == ["ekf_ctrv", "off in places", "turning 39.7, straight 2.9"] for row in page.rows)
     assert "the tracker gives no covariance" in page.text
-    assert "1 of 2 expectations failed" in page.text
+    assert "1 of 2 expectations of the scenario failed" in page.text
     rows = [[text.replace("\N{NO-BREAK SPACE}", " ") for text in row] for row in page.rows]
     assert any(row[:3] == ["stated velocity", "off by 5.3 m/s", "v2 at 4.50 s"] for row in rows)
     assert ["position jump", "1.4 m", "v3 at 15.00 s", "left out from then on"] in rows
@@ -185,7 +185,7 @@ def test_what_is_charged_for_missing_estimates_is_told() -> None:
         flat = " ".join(text.split())
         assert "ekf_cv: 42 % of its squared position error is charged for missing estimates (0.123 m without)" in flat
         for name in ("ukf_ctrv", "ekf_ctrv"):
-            assert f"{name} is not called better than ekf_cv: its errors are smaller only with what is" in flat
+            assert f"{name} is not called better than ekf_cv: its errors are smaller only with that charge" in flat
     assert "given 0.123" in page.text
     assert {name: row[2] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
     for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):

@@ -178,9 +178,9 @@ def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("more")
     (tmp_path / "empty").mkdir()
     for name in ("notes", "file"):
-        with pytest.raises(InputError, match="not the folder of a run: not replaced"):
+        with pytest.raises(InputError, match="not the folder of a run, so it is not replaced"):
             results.require_replaceable(tmp_path / name)
-        with pytest.raises(OutputError, match=r"cannot write .*: there already, and not .* not replaced"):
+        with pytest.raises(OutputError, match=r"cannot write .*: it exists and is not .* not replaced"):
             SMALL.save(tmp_path / name, {})
     assert (tmp_path / "notes" / "thesis.txt").read_text() == "years of work"
     SMALL.save(tmp_path / "empty", {})
@@ -221,7 +221,7 @@ def test_text_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         (b"\xff\xfe", "result.json: not a readable result: "),
         (b"[1, 2]", "result.json: not a result"),
         (b"[" * 100_000, "result.json: not a readable result: "),
-        (b'{"schema_version": 1}', "schema_version is not 7: this result is of another version"),
+        (b'{"schema_version": 1}', "schema_version is not 7: this result was written by another version"),
         (f'{{"schema_version": {SCHEMA_VERSION}}}'.encode(), "not a result: scenario: Field required"),
     ],
 )

@@ -39,7 +39,7 @@ def test_the_scores_come_again(name: str, tracker: str, tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"object": "aheat"}, "there is no object 'aheat'; did you mean 'ahead'?"),
-        ({"time_s": 0.0137}, "no scan was taken at 0.0137 s, where an estimate is given"),
+        ({"time_s": 0.0137}, "there is no scan at 0.0137 s, where an estimate is given"),
         ({"p_00": None}, "each row needs a covariance: p_00 to p_33"),
         ({"fingerprint": "0"}, "they were made of other scans"),
     ],

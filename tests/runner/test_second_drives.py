@@ -101,9 +101,9 @@ DEPENDENT = {
     "Remembers": BATCH + "it gives another estimate: the mean differs",
     "Next": BATCH + "it gives another estimate: the mean differs",
     "Normalises": BATCH + "it gives another estimate: the covariance differs",
-    "Draws": BATCH + "it gives another estimate: .*; a tracker that draws random numbers says random = True$",
+    "Draws": BATCH + "it gives another estimate: .*; a tracker that draws random numbers must set random = True$",
     "Shares": r"^asked again in a fresh process, with two runs in another order, .* values? that instances share",
-    "Drawing": "^asked again in a fresh process, .* says random = True$",
+    "Drawing": "^asked again in a fresh process, .* must set random = True$",
 }
 HONEST = ("BatchedAlphaBeta", "AlphaBeta", "SaysSo", "SaysDrawing")
 FILTERS = {

@@ -113,7 +113,7 @@ FAULTS = {
     "raises": ("return 1 / 0", "ZeroDivisionError"),
     "of_one": (
         "return scan.measurement[0, 99]",
-        "is it of one object? With hidden identities a scan has detections of",
+        "does it follow one object only? With hidden identities a scan has detections of",
     ),
 }
 
@@ -176,8 +176,8 @@ def test_expectations_of_tracks(scenario: Path, cli: Callable[..., Any]) -> None
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("associate: {method: gnn}", "", "trackers.gnn.filter: follows one object each"),
-        ("trackers:\n", "trackers:\n  raw: {use: raw}\n", "trackers.raw.use: raw follows one object each"),
+        ("associate: {method: gnn}", "", "trackers.gnn.filter: follows one object, but"),
+        ("trackers:\n", "trackers:\n  raw: {use: raw}\n", "trackers.raw.use: raw follows one object, but"),
         ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: not used with identities: hidden; remove it"),
         ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: not used with identities: hidden; remove"),
         ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], score or existence is needed, not 3/5\n"),

@@ -54,7 +54,7 @@ BAD = [
         for effect, message in [
             (
                 "type: ghosts, probability: 0.1, wall: [[0, 6], [0, 6]]",
-                "wall.1: is where the corner before it is; remove one of them",
+                "wall.1: is the same point as the corner before it; remove one of them",
             ),
             (
                 "type: interference, per_minute: 1.0e+9, duration_s: 1, detection_factor: 0.5",
@@ -263,7 +263,7 @@ BAD = [
         "tracker: mine, metric: nis.roof.mean",
         ["27: expect.0.metric: tracker mine does not read roof; it reads front"],
     ),
-    (", below: 0.5", "", ["27: expect.0: says nothing: add one of below, above, is, better_than"]),
+    (", below: 0.5", "", ["27: expect.0: no limit is given: add below, above, is or better_than"]),
     (
         "below: 0.5",
         "is: consistent",

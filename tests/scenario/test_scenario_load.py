@@ -133,7 +133,7 @@ def test_scenes_of_several_leave_those_that_have_one() -> None:
     loaded, unchanged = load_several(["highway", "traffic/cut_in"], scenes=3, runs=2)
     assert [len(item.config.truth.scenes()) for item in loaded] == [3, 1]
     assert [item.config.monte_carlo.runs for item in loaded] == [2, 2]
-    assert unchanged == ["one scene, whatever --scenes says: cut_in"]
+    assert unchanged == ["cut_in always has one scene: --scenes is ignored"]
     with pytest.raises(InputError, match=r"truth\.seeds: unknown key"):
         load_several(["traffic/cut_in"], scenes=3)
     assert len(load_several(["traffic/cut_in"], runs=2)[0]) == 1

@@ -110,7 +110,7 @@ def test_the_recorded_world_has_as_many_scenes_as_are_asked_for() -> None:
     ("worlds", "settings", "message"),
     [
         (",", (), "--worlds: name at least one of ideal, human"),
-        ("ideal", ("--set", "world=human"), "world: is in the world human already"),
+        ("ideal", ("--set", "world=human"), "world: its key world already says human"),
     ],
 )
 def test_worlds_that_contradict_are_refused(cli, worlds: str, settings: tuple[str, ...], message: str) -> None:

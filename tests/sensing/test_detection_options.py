@@ -26,17 +26,16 @@ sensors:
 )
 REMEDY = "write sensing: {identities: hidden}, or remove this"
 BAD = [
-    ("front", "clutter: {per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of view"
-     " that ends"),
-    ("front", "states: {clutter_per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of"
-     " view that ends"),
+    ("front", "clutter: {per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a limited range"),
+    ("front", "states: {clutter_per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a limited"
+     " range"),
     ("odd", "max_range_m: 90, clutter: {per_scan: 5}", "7: sensors.odd.clutter.per_scan: a "
      "speed_radar:SpeedRadar has no uniform clutter; remove it"),
     ("roof", "clutter: {range_rate_mps: [5, -5]}", "6: sensors.roof.clutter.range_rate_mps: must be [low, high] with 5"
      " below -5"),
     ("roof", "clutter: {places: [{line: [], per_scan: 1}]}", "6: sensors.roof.clutter.places.0.line: must not be"
      " empty"),
-    ("front", "resolution: {}", "5: sensors.front.resolution: says nothing: add range_m, azimuth_deg or"
+    ("front", "resolution: {}", "5: sensors.front.resolution: is empty: add range_m, azimuth_deg or"
      " range_rate_mps"),
     ("roof", "resolution: {range_rate_mps: 1}", "6: sensors.roof.resolution.range_rate_mps: a lidar measures no range"
      " rate; remove it"),

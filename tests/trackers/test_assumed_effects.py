@@ -112,7 +112,7 @@ def assuming(tiny: Path, filter: str, entry: str) -> None:
     ("entry", "message"),
     [
         ("{rader: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}", "the scenario has no sensor 'rader'"),
-        ("{radar: {}}", "says nothing; add signal_to_noise or correlated_errors or bias"),
+        ("{radar: {}}", "is empty; add signal_to_noise or correlated_errors or bias"),
         ("{radar: {bias: {sigmas: {azimut_deg: 1}}}}", "is no component of a radar with its unit; did you mean"),
         ("{lidar: {correlated_errors: {components: [x, x], share: 0.5, time_s: 1}}}", "x is named twice; remove one"),
         ("{radar: {signal_to_nois: {half_range_m: 140}}}", "did you mean 'signal_to_noise'"),

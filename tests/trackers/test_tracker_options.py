@@ -145,7 +145,7 @@ def test_radial_velocity_starts_a_track():
         ),
         (
             {"motion": "cv", "process_noise_diag": Q, "acceleration_sigma_mps2": 1.0},
-            "acceleration_sigma_mps2: not used with process_noise_diag, which says it all; remove one of them",
+            "acceleration_sigma_mps2: not used with process_noise_diag, which replaces it; remove one of them",
         ),
         (
             {
@@ -153,7 +153,7 @@ def test_radial_velocity_starts_a_track():
                 "process_noise_diag": Q,
                 "initial": {"from": "first_measurement", "velocity_sigma_mps": 2.0, "covariance_diag": P0},
             },
-            "initial.velocity_sigma_mps: not used with covariance_diag, which says it all; remove one of them",
+            "initial.velocity_sigma_mps: not used with covariance_diag, which replaces it; remove one of them",
         ),
         (
             {"motion": "cv", "process_noise_diag": Q, "initial": {"from": "truth", "velocity": "radial"}},
@@ -161,7 +161,7 @@ def test_radial_velocity_starts_a_track():
         ),
         (
             {"motion": "cv_continuous", "process_noise_diag": Q, "acceleration_density_mps1p5": 1.0},
-            "acceleration_density_mps1p5: not used with process_noise_diag, which says it all; remove one of them",
+            "acceleration_density_mps1p5: not used with process_noise_diag, which replaces it; remove one of them",
         ),
         (
             {"motion": "cv", "process_noise_diag": Q, "sweep": {"motion": ["cv"]}},

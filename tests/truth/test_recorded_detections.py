@@ -185,7 +185,7 @@ def test_a_damaged_row_is_named(tmp_path: Path, rows: list[str], message: str) -
         ),
         (
             {"trackers": {"gnn": {**GNN, "associate": {"method": "oracle"}}}},
-            "trackers.gnn.associate.method: oracle is told of which object each detection is",
+            "trackers.gnn.associate.method: oracle needs the object of each detection",
         ),
         (
             {"expect": [{"tracker": "gnn", "metric": "gospa", "below": 1}]},

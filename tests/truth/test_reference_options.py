@@ -204,7 +204,7 @@ def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
         ({"readings": {"slot": "who", "object": "who"}}, "truth.readings.radar.slot: only used with unlabelled"),
         (
             {"trackers": {"best": {**GNN, "associate": {"method": "oracle"}}}},
-            "trackers.best.associate.method: oracle is told of which object each detection is; nothing says",
+            "trackers.best.associate.method: oracle needs the object of each detection, which is not",
         ),
         ({"truth": {"stretches": 40}}, "40 stretches of 10 s are shorter than 4 s each; at most 2"),
         ({"truth": {"stretches": 1}}, "truth.stretches: "),

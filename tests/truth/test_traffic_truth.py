@@ -239,7 +239,10 @@ def test_us101_is_smoothed_and_refused_without(recorded_traffic: Path) -> None:
         ({"format": "i80", "observer": "ego"}, 'write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}'),
         ({"format": "i80", "observer": {"vehicle": "999"}, "smoothing": SMOOTHING}, "there is no vehicle '999'"),
         ({"format": "i80", "smoothing": {"window_s": 0.2}}, "must be at least 0.3: 4 rows of the file"),
-        ({"format": "i80", "smoothing": SMOOTHING, "from_s": 60}, "no vehicle is there then: the file has 10 s"),
+        (
+            {"format": "i80", "smoothing": SMOOTHING, "from_s": 60},
+            "no vehicle is there at that time: the file has 10 s",
+        ),
         ({"format": "csv", "path": "a.csv", "columns": {"tme": "t"}}, "no column of traffic; did you mean 'time'?"),
     ],
 )

@@ -229,8 +229,8 @@ def test_partial_action_keeps_the_defaults_of_its_type() -> None:
     ("given", "key", "message"),
     [
         ({"lane_count": 3}, "lane_count", "unknown key; did you mean 'lanes_count'"),
-        ({"lanes_count": "3"}, "lanes_count", "must be of the kind of the default, 4, and not '3'"),
-        ({"action": "Meta"}, "action", "must be of the kind of the default"),
+        ({"lanes_count": "3"}, "lanes_count", "must have the type of the default, 4, not '3'"),
+        ({"action": "Meta"}, "action", "must have the type of the default"),
         ({"action": {"latral": True}}, "action.latral", "did you mean 'lateral'"),
         (
             {"action": {"type": "Both", "action_config": {"type": "Meta", "latral": 1}}},

@@ -105,4 +105,4 @@ def _read_set(results_of: Compared | Sequence[results.Result]) -> ResultSet | re
     if isinstance(results_of, list | tuple) and results_of and all(isinstance(x, Path | str) for x in results_of):
         folders = ", ".join(repr(str(folder)) for folder in results_of)
         raise InputError(f"give each folder as an argument of its own: compare({folders})")
-    raise InputError(f"{results_of!r} is nothing to compare; give a result, a list of results, or a folder")
+    raise InputError(f"{results_of!r} cannot be compared; give a result, a list of results, or a folder")

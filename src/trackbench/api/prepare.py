@@ -49,6 +49,6 @@ def _require_distinct_names(scenarios: Sequence[Scenario]) -> None:
     for scenario in scenarios:
         name = scenario.config.full_name
         if name in by_name:
-            problem = f"{by_name[name]} has the same name {name!r}; give each scenario its own"
+            problem = f"{name!r} is also the name of {by_name[name]}; give each scenario its own name"
             raise InputError(problem, file=scenario.path, key="name")
         by_name[name] = scenario.path

@@ -85,7 +85,7 @@ def run(
     """
     if INSIDE in os.environ:
         # A script that names a class of its own is imported by the tracker's process.
-        problem = "a script that runs scenarios is imported as the module of a tracker; write the call under"
+        problem = "this script is imported again to start its tracker; put the call of run() under"
         raise InputError(f'{problem} if __name__ == "__main__":')
     artifacts = {Path(file).stem: file for file, _ in offered("artifacts")}
     for name in files:

@@ -51,7 +51,7 @@ def load(
     for key, value in settings.items():
         if isinstance(value, type) and key.startswith("trackers.") and key.count(".") == 1:
             raise InputError(
-                f"a tracker's class is the value of use: {{{key!r}: {{'use': {value.__name__}}}}}", key=key
+                f"write the class of a tracker under use: {{{key!r}: {{'use': {value.__name__}}}}}", key=key
             )
     overrides = [f"{key}={_yaml(value, key)}" for key, value in settings.items()] or listed(set)
     options = {"monte_carlo.runs": runs, "monte_carlo.seed": seed, "truth.seeds": scenes}
@@ -96,7 +96,7 @@ def load_several(
             config = load(item, set).config
             fixed = {"runs": same_every_run(config), "scenes": "seeds" not in type(config.truth).model_fields}
             for option in [option for option in change if fixed[option]]:
-                notes.append(f"one {option[:-1]}, whatever --{option} says: {config.name}")
+                notes.append(f"{config.name} always has one {option[:-1]}: --{option} is ignored")
                 del change[option]
         variants, world_notes = in_worlds(load(item, set, seed=seed, trackers=trackers, **change), worlds)
         loaded += variants
@@ -141,7 +141,7 @@ def _plain(value: Any) -> Any:
         return reference_to(value)
     if not hasattr(value, "tolist"):
         name = type(value).__name__
-        raise TypeError(f"an instance of {name}; for a tracker give the class, and its arguments under options")
+        raise TypeError(f"an instance of {name}; give the class of a tracker, with its arguments under options")
     return value.tolist()
 
 

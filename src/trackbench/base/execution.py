@@ -95,7 +95,7 @@ class Executor:
             contents = {key: notebook_classes.dumps((function, first)) for key, first in firsts.items()}
             packed = [(contents[id(first)], notebook_classes.dumps(rest)) for first, *rest in waiting]
         except Exception as error:
-            log.info("this process makes what cannot be sent to another one: %s", one_line(error))
+            log.info("the work stays in this process, since it cannot be sent to another one: %s", one_line(error))
             return deque()
         place = (folder, Path.cwd()), self._command
         with _explain_dead_workers():
@@ -113,7 +113,7 @@ def _explain_dead_workers() -> Iterator[None]:
         if isinstance(error, BrokenExecutor | CancelledError) or type(error).__name__ == "KilledWorker":
             statuses = ", ".join(sorted(set(re.findall(r"[A-Z]+\(-?[1-9][0-9]*\)", str(error)))))
             problem = f"no result: the process of a worker ended{f' ({statuses})' if statuses else ''}"
-            raise TrackbenchError(f"{problem}; a plug-in may have ended it, or the memory was not enough") from error
+            raise TrackbenchError(f"{problem}, perhaps by a plug-in or for lack of memory") from error
         raise
 
 
@@ -158,10 +158,10 @@ def executor(workers: int | None = 1, cluster: str | None = None) -> Iterator[Ex
             is given with a cluster.
     """
     if workers is not None and (type(workers) is not int or not 1 <= workers <= MOST_WORKERS):
-        problem = f"{workers!r} is no number of processes; give a whole one from 1 to {MOST_WORKERS}"
+        problem = f"{workers!r} is not a number of processes; give a whole number from 1 to {MOST_WORKERS}"
         raise InputError(problem, key="workers")
     if (workers or 1) > 1 and cluster is not None:
-        raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
+        raise InputError("give workers or a cluster, not both: leave one of them out", key="workers")
     with one_blas_thread(), ExitStack() as stack:
         if cluster is not None:
             submit = _connect_cluster(cluster, stack)

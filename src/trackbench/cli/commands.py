@@ -201,7 +201,7 @@ def _unexpected(error: BaseException) -> int:
         frame = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(frame.filename).name}:{frame.lineno}, in {frame.name}"
         cause = f"{type(error).__name__}: {printable(str(error))} ({place}), {plugins}"
-        return _fail(f"trackbench: no result: {cause}; if it fails without, it is a fault of trackbench", BAD_INPUT)
+        return _fail(f"trackbench: no result: {cause}; if it fails without it, trackbench is at fault", BAD_INPUT)
     # Not 1, which says that an expectation failed.
     return _fail(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
 
@@ -222,7 +222,7 @@ def _require_place() -> None:
     try:
         os.getcwd()
     except OSError:
-        raise InputError("the working directory is not there any more; change to one that is") from None
+        raise InputError("the working directory no longer exists; change to another one") from None
 
 
 def _interruption(*_: object) -> None:

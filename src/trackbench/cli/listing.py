@@ -42,7 +42,7 @@ def _trackers() -> Iterator[Row]:
     def options_in_words(factory: Any) -> str:
         options = options_of(factory)
         if options is not None and issubclass(options, FilterConfig):
-            return "; options as beside filter:"
+            return "; the options of a tracker with filter:"
         return _options(options) if options is not None else ""
 
     return _plugins(TRACKERS, options_in_words)

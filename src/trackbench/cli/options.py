@@ -103,7 +103,7 @@ engine_option = click.option(
     default="auto",
     show_default=True,
     metavar="NAME",
-    help="numpy, or fused (trackbench[fast]).",
+    help="numpy, or fused (faster; needs trackbench[fast]).",
 )
 
 
@@ -116,15 +116,15 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
         default=300,
         show_default=True,
         metavar="S",
-        help="Most that your own tracker may take for a scan, s.",
+        help="Longest time that your own tracker may take for a scan, s.",
     )
     @click.option(
         "--tracker-memory",
         type=Finite(0, min_open=True),
         metavar="GB",
-        help="Most memory that it may take; a quarter of the machine's or container's.",
+        help="Most memory that your own tracker may take; default: a quarter of the machine's.",
     )
-    @click.option("--in-process", is_flag=True, help="Run it in this process, without limits, for a debugger.")
+    @click.option("--in-process", is_flag=True, help="Run your own tracker in this process, for a debugger.")
     @functools.wraps(command)
     def wrapped(
         *arguments: Any, tracker_timeout: float, tracker_memory: float | None, in_process: bool, **options: Any

@@ -65,7 +65,7 @@ def run_in_child(command: Callable[[], int]) -> NoReturn:
         _say(f"interrupted: {UNFINISHED}")
         os._exit(INTERRUPTED)
     cause = f"ended itself, with status {ended}" if ended >= 0 else f"was killed by {signal.Signals(-ended).name}"
-    _say(f"trackbench: no result: the process of the command {cause}; a plug-in may have, or the memory was not enough")
+    _say(f"trackbench: no result: the process of the command {cause}, perhaps by a plug-in or for lack of memory")
     os._exit(FAULT)
 
 

@@ -46,10 +46,10 @@ Examples:
     type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png", "mot"]),
     default="terminal",
     show_default=True,
-    help="svg, pdf and png: every figure; csv: every table; latex: tables, and figures as PDF. Of runs with hidden "
-    "identities also mot: MOTChallenge text of the recorded run.",
+    help="svg, pdf, png: every figure. csv: every table. latex: tables, and figures as PDF. mot: MOTChallenge text of "
+    "the recorded run, if identities are hidden.",
 )
-@click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of the files.  [default: RUN]")
+@click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder for the files.  [default: RUN]")
 def report_command(run: Path, format: Format | Literal["mot"], out: Path | None) -> None:
     """Write the report of a saved result in any format."""
     if format == "mot":
@@ -67,7 +67,7 @@ def report_command(run: Path, format: Format | Literal["mot"], out: Path | None)
     folder, name = _target(run, format, out, document.kind)
     content_of = dict(files(document, format, name))
     if not content_of:
-        raise InputError(f"{run} holds nothing to write as {format}", key="--format")
+        raise InputError(f"{run} has nothing that can be written as {format}", key="--format")
     _write(content_of, folder)
 
 
@@ -110,27 +110,27 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
     if out.suffix and out.suffix == MAIN_ENDINGS.get(format):
         return out.parent, out.stem
     if out.suffix in (".csv", ".svg", ".pdf", ".png") or out.is_file():
-        raise InputError(f"{out}: name a folder, for there are several files", key="--out")
+        raise InputError(f"{out}: name a folder, since several files are written", key="--out")
     return out, name
 
 
 @click.command("compare")
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="A [B]...")
 @click.option("--trackers", metavar="A,B", help="Only these trackers.")
-@click.option("--metric", "metrics", multiple=True, metavar="NAME", help="What to compare by; may be given again.")
+@click.option("--metric", "metrics", multiple=True, metavar="NAME", help="Metric to compare by; repeat it for several.")
 @click.option(
     "--fail-on-regression",
     "limits",
     multiple=True,
     metavar="METRIC:PERCENT",
-    help="Exit with 1 unless shown not to be worse by more.",
+    help="Exit with 1 unless METRIC is shown to be worse by at most PERCENT.",
 )
 @junit_option("Write the regressions as JUnit XML.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Write it too: .md, .html, .txt, .tex, .csv, .json, .svg, .pdf or .png.",
+    help="Write the comparison to a file too: .md, .html, .txt, .tex, .csv, .json, .svg, .pdf or .png.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 def compare_command(
@@ -168,7 +168,7 @@ def compare_command(
 
     parsed = [Limit.parse(text) for text in limits]
     if junit is not None and not parsed:
-        raise InputError("says which regressions there are: give --fail-on-regression too", key="--junit")
+        raise InputError("lists the limits of --fail-on-regression: give one too", key="--junit")
     if out is not None:
         require_ending(out, ENDINGS, "--out")
     for path, key in ((junit, "--junit"), (out, "--out")):

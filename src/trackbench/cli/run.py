@@ -61,25 +61,25 @@ beaten, 2 bad input, 3 a tracker failed, 4 cannot write
 @scenarios_argument
 @click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
 @click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
-@click.option("--scenes", type=click.IntRange(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
+@click.option("--scenes", type=click.IntRange(1, MAX_SCENES), metavar="N", help="Number of scenes (truth.seeds).")
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option(
     "--worlds",
     metavar="A,B",
-    help="In each of these worlds: ideal, human, typical, recorded.",
+    help="Run in each of these worlds: ideal, human, typical, recorded.",
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
-@out_option("Each scenario gets a folder in it.", "results")
-@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same result.")
-@click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
+@out_option("Folder in which each scenario gets a folder.", "results")
+@click.option("--workers", type=WORKERS, metavar="N", help="Processes; default: one per core if faster. Same result.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask cluster: tcp://HOST:PORT or local:N.")
 @engine_option
 @isolation_options
 @artifact_options
 @junit_option("Write the expectations as JUnit XML.")
 @subject_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
-@click.option("--wide", is_flag=True, help="With velocity, reference, groups and step time.")
-@quiet_option("One line a scenario, and what failed.")
+@click.option("--wide", is_flag=True, help="Show velocity, reference, groups and step time too.")
+@quiet_option("Print one line per scenario, and what failed.")
 @verbose_option
 def run_command(
     scenarios: tuple[Path, ...],

@@ -142,7 +142,7 @@ def compare_results(
         limited = [metric_of[limit.metric] for metric_of in by_path for limit in limits if limit.metric in metric_of]
         _require_judgeable(sets, cells, compared, chosen, limited)
     comparisons, notes = [], [*left_out, *engine_notes(sets, compared)]
-    what = "only one tracker" if len(sets) == 1 else "no tracker of the same name in the first result and a later one"
+    what = "only one tracker" if len(sets) == 1 else "no tracker is in the first result and in a later one"
     for group, metric_of in zip(groups, by_path, strict=True):
         comparison = _comparison([item.label for item in sets], group, metric_of, wanted, limits, chosen)
         if comparison is not None:
@@ -264,9 +264,9 @@ def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Se
         metrics = [metric_of[path] for metric_of in by_path if path in metric_of]
         if not metrics:
             hint = nearest_choices(path, {name for metric_of in by_path for name in metric_of})
-            raise InputError(f"{path!r} is not compared run by run; {hint}", key=OPTION if limited else "--metric")
+            raise InputError(f"{path!r} has no values by run to compare; {hint}", key=OPTION if limited else "--metric")
         if limited and any(metric.better is None for metric in metrics):
-            raise InputError(f"neither a larger nor a smaller {path} is better; state expectations", key=OPTION)
+            raise InputError(f"{path} has no better direction, so it cannot regress; state an expectation", key=OPTION)
 
 
 def _matches(cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
@@ -341,7 +341,7 @@ def _notes(
     single: bool,
 ) -> Iterator[str]:
     if any(entry.result.summary.runs == 1 and entry.stretches < 2 for cell in cells for entry in cell.entries.values()):
-        yield "one run is compared by nothing but its values"
+        yield "a single run has no interval, so only its values are compared"
     compared = {
         (match.scenario, entrant) for match in matches for pair in match.pairs for entrant in match.entrants(pair)
     }

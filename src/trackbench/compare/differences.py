@@ -217,7 +217,7 @@ def coverage_notes(
             share_a, share_b = match.entry.coverage(a), match.against.coverage(b)
             pair = (match.scenario, *match.entrants((a, b)))
             if pair in compared and abs(share_a - share_b) > NOTED:
-                but = "without what is charged for missing estimates the difference turns, and neither is called better"
+                but = "without the charge for missing estimates the order is reversed, so neither is called better"
                 due = f"% of the estimates due in {match.scenario}"
                 shares = f"{a} gave {100 * share_a:.0f} {due}, {b} {100 * share_b:.0f} %"
                 yield f"{shares}; {but}" if pair in uncounted else shares

@@ -55,7 +55,7 @@ class Entry:
         try:
             return scenario_of(stored.text, Path(stored.name), [*stored.overrides, trackers, *LEFT_OUT]).config
         except InputError as error:
-            problem = "its scenario is not one that this version reads"
+            problem = "this version of trackbench cannot read its scenario"
             if error.message.startswith("cannot import "):
                 problem = "a plug-in of its truth and sensors must be importable here"
             raise InputError(f"{problem}: {error.message}", file=self.label, key=error.key) from None
@@ -67,7 +67,7 @@ class Entry:
             InputError: the table is missing or damaged.
         """
         if name not in self.result.tables:
-            raise InputError(f"no {name}.parquet beside {results.SUMMARY}, which a comparison reads", file=self.label)
+            raise InputError(f"missing {name}.parquet beside {results.SUMMARY}, needed to compare", file=self.label)
         return self.result.tables[name]
 
     def failure(self, tracker: str) -> str | None:
@@ -108,7 +108,7 @@ class Entry:
         if summary.runs > 1:
             return ""
         if self.stretches > 1:
-            return f"a single run gives no interval of {metric.path}, which has one value in a run: pool several logs"
+            return f"{metric.path} has one value in a run, so a single run gives no interval: pool several logs"
         if self.stretches == 1:
             seconds = summary.score.to_s - summary.score.from_s
             needed = f"at least {2 * SHORTEST:g} s, for two stretches of time, or several logs"

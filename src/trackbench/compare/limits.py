@@ -88,7 +88,7 @@ def _text(item: PairDifference, limit: Limit, outcome: GateOutcome) -> str:
     if item.identical:
         return f"the same in every run; {allowed}"
     if item.ci95 is None and item.repeatable:
-        allowed = f"values as they are, without an interval; {allowed}"
+        allowed = f"compared by value, without an interval; {allowed}"
     if item.percent is None:
         return f"from 0 to {item.value:.4g} {item.unit}; {allowed}"
     reach = ""

@@ -38,7 +38,7 @@ def order_notes(origins: Sequence[SetOrigin], sets: Sequence[ResultSet]) -> Iter
     """Name each set that stands after a set that was made later."""
     for before, after in pairwise(origins):
         if before.made_at and after.made_at and after.made_at < before.made_at:
-            yield f"{sets[after.set].label} was made before {sets[before.set].label}, which stands before it"
+            yield f"{sets[after.set].label} was made before {sets[before.set].label}, which is listed before it"
 
 
 def _changes(before: Entry, after: Entry, trackers: Sequence[str] | None) -> Iterator[str]:

@@ -31,7 +31,7 @@ CAUSES = {
     True: "likely an operation over the last axis, which is the batch",
     False: "likely a value that instances share (an attribute of the class, a variable of the module)",
 }
-RANDOM = "a tracker that draws random numbers says random = True"
+RANDOM = "a tracker that draws random numbers must set random = True"
 
 
 class CrossCheckedTracker:

@@ -266,7 +266,7 @@ class TrackerProcess:
         cause = "its process closed the connection"
         if self._taken > self._most:
             taken, most = self._taken / GIGABYTE, self._most / GIGABYTE
-            cause = f"it took {taken:.3g} GB of memory, where it may take {most:.3g} GB (see --tracker-memory)"
+            cause = f"it took {taken:.3g} GB of memory, more than the {most:.3g} GB allowed (see --tracker-memory)"
         elif self._ended_within(min(ENDING, self.timeout)) and self._status is not None:
             cause = how_it_ended(os.waitstatus_to_exitcode(self._status))
         return self.failed(cause, "died", self._place())
@@ -277,7 +277,7 @@ class TrackerProcess:
         if DUMPED in self._received and self._ended_within(DUMPING):
             return self._ended()
         hint = "what a program prints belongs on standard error"
-        return self.failed(f"its standard output is no frame: it begins with {_shown_bytes(self._received)}; {hint}")
+        return self.failed(f"its output is no message: it begins with {_shown_bytes(self._received)}; {hint}")
 
     def _place(self, patience: float = 0.0) -> str | None:
         """Read further output for ``patience`` s; return the line of the tracker's code in Python's dump."""

@@ -137,7 +137,7 @@ class Program(TrackerProcess):
     def _understand(self, answer: Mapping[str, Any]) -> None:
         version = answer.get("version")
         if answer.get("type") != "hello" or type(version) is not int:
-            raise self.failed(f"it answered hello with {_text(answer.get('type'))}, where hello with a version is due")
+            raise self.failed(f"it answered hello with {_text(answer.get('type'))}; hello with a version is needed")
         if version != VERSION:
             raise self.failed(f"it speaks version {version} of the protocol, and this trackbench {VERSION}")
         self.batched, self.random, self.copies, self.confirms = (

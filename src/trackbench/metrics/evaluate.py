@@ -181,7 +181,7 @@ def _checked(
     }
     paths = {f"{metric.name}.{sensor}" for sensor in sensors} if metric.per_sensor else {metric.name}
     names = " and ".join(sorted(paths)) or "none"
-    require(values.keys() == paths, "the names of what finish returns", names, [*values])
+    require(values.keys() == paths, "the names of the values that finish returns", names, [*values])
     for value, _ in values.values():
         MetricValue.model_validate(dict(value))
     return values

@@ -15,12 +15,12 @@ from trackbench.results import MetricValue
 #: Relative difference of two values that is attributed to rounding.
 ROUNDING = 1e-9
 TOO_SHORT = "too short for an interval"
-ALL_THE_SAME = "the same in every run, which says nothing of others: no interval"
+ALL_THE_SAME = "no interval: the value is the same in every run"
 #: Least number of scenes for an interval and a verdict; intervals are calibrated from here on.
 FEWEST_SCENES = 5
 #: Least number of stretches of a single run for a comparison of two trackers.
 FEWEST_STRETCHES = 4
-UNCALIBRATED = "no interval holds"
+UNCALIBRATED = "no valid interval"
 TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the report shows each of them"
 
 
@@ -56,7 +56,7 @@ class Parts(NamedTuple):
         if self.too_few or self.scenes or self.number >= self.fewest:
             return self.too_few
         if self.fewest == np.inf:
-            return f"{UNCALIBRATED} over runs, of which few decide the value"
+            return f"{UNCALIBRATED} over runs: a few of them decide the value"
         return f"{UNCALIBRATED} with fewer than {self.fewest} runs"
 
     @property

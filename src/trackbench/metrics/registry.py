@@ -65,7 +65,7 @@ def by_path(sensors: Iterable[str], own: Iterable[Metric] = (), properties: Set[
 def unfit_name(name: str) -> str | None:
     """Return why a user's metric cannot have this name; None if it can."""
     if not NAME.fullmatch(name):
-        return f"its name {name!r} may have a to z, 0 to 9 and _ alone"
+        return f"its name {name!r} may only have a to z, 0 to 9 and _"
     if name in {"health", *(item.name.partition(".")[0] for item in _EVERY)}:
         return f"its name {name!r} is that of a built-in one"
     return None

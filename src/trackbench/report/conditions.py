@@ -30,7 +30,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
             for name in names
         }
         places = decimals([value for column in values.values() for value in column])
-        missing = Cell(NOT_AVAILABLE, reason="no estimate of the tracker falls into it")
+        missing = Cell(NOT_AVAILABLE, reason="the tracker has no estimate there")
         columns = [
             (Column(name, "position RMSE, m"), [missing if v is None else Cell(rounded(v, places)) for v in column])
             for name, column in values.items()
@@ -68,5 +68,5 @@ def consistency_table(result: Result) -> Table:
             list(map(deviations, result.scored)),
         ),
     ]
-    caption = "Can each covariance be believed? trackbench explain has the words"
+    caption = "Can each covariance be believed? trackbench explain TERM explains the words"
     return tracker_table("consistency", result.scored, columns, caption)

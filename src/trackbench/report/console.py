@@ -270,7 +270,7 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     """Return a note on the trackers that gave too few of the due estimates."""
     shares = [(tracker.name, metric_of(tracker, "coverage").value or 0.0) for tracker in trackers]
     part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < LEAST_COVERAGE]
-    rest = "; of the others 99 % or more" if len(part) < len(trackers) else ""
+    rest = "; all others 99 % or more" if len(part) < len(trackers) else ""
     return [f"coverage: {', '.join(part)}{rest}"] if part else []
 
 
@@ -307,7 +307,7 @@ def _large_errors(result: Result) -> list[str]:
     """Return a note on the divergence limit if a run diverged, else on large errors of the recorded run."""
     limit = result.summary.score.divergence_m
     if any(tracker.health.diverged_runs for tracker in result.scored):
-        return [f"diverged: an error above {limit:g} m, in how many of the runs"] if limit else []
+        return [f"diverged: number of runs with an error above {limit:g} m"] if limit else []
     table = result.tables.if_there("estimates")
     if not len(table) or result.summary.identities != "known":
         return []
@@ -332,7 +332,7 @@ def _wide_notes(result: Result) -> list[str]:
     if summary.identities == "hidden":
         return notes
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
-    notes.append(f"/ref: times the {summary.held_against.label}{assumed}; ±: 95 %, {basis_of_intervals(result)}")
+    notes.append(f"/ref: relative to the {summary.held_against.label}{assumed}; ±: 95 %, {basis_of_intervals(result)}")
     if result.differences:
         notes += undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
     for path in ("velocity_rmse", "position_over_reference", "nees"):

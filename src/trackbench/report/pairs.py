@@ -131,17 +131,17 @@ def standing(result: Result) -> Standing:
     margin, names = margin_words(pairs.margins), [tracker.name for tracker in result.contenders if tracker.paired]
     if score.against is None:
         heading = short = "group"
-        meaning = f"no difference over {margin} shown between those that share a letter"
+        meaning = f"trackers that share a letter are not shown to differ by more than {margin}"
         cells = group_letters(names, pairs)
         if pairs.unjudged:
             meaning, cells = pairs.unjudged, {}
     else:
         words = {name: pair.verdict for name in names if (pair := pairs.get(name, score.against))}
         heading, short, cells = f"against {score.against}", "against", {score.against: "baseline", **words}
-        meaning = f"better or worse than {score.against}: shown by over {margin}"
+        meaning = f"better or worse than {score.against}: shown to differ by more than {margin}"
     if score.best is not None:
         heading, short = "not shown worse than the best", "best?"
-        meaning = f"not shown over {margin} worse than {score.best}, the best of {len(names)}"
+        meaning = f"not shown to be worse than {score.best}, the best of {len(names)}, by more than {margin}"
         cells = {name: "" if words.get(name) == "worse" else "yes" for name in names}
     # Few runs decide the mean of a tracker that diverged, so its interval says nothing.
     cells |= {t.name: "diverged" for t in result.contenders if t.health.diverged_runs and pairs.has_undecided(t.name)}

@@ -58,7 +58,7 @@ def _sections(
         for title, (note, paths) in _WITHOUT_TRUTH.items():
             yield Section(title, (Paragraph(note), tables.track_table(title, scored, paths)))
         missing = ", ".join(map(tables.metric_in_words, TRACK_METRICS))
-        yield Section("What cannot be told", (Paragraph(f"Not without a truth: {missing}."),))
+        yield Section("What cannot be told", (Paragraph(f"These need a truth: {missing}."),))
         return
     other_metrics = tables.other_metrics(result)
     if scored:
@@ -86,12 +86,12 @@ def _sections(
 #: Sections of a run without a truth: a note and the metrics of the table, by title.
 _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
     "Tracks": (
-        "More or longer tracks are not better: they may be of nothing.",
+        "More or longer tracks are not better: they may be on no object.",
         ("track_count", "new_tracks", "used_share"),
     ),
     "Predictions": (
         "How well each tracker predicts all detections of the next scan, false alarms too; not how near tracks are to "
-        "vehicles. NIS is of the detections that it then used.",
+        "vehicles. NIS is of the detections that the tracker then used.",
         ("nis", "prediction_score"),
     ),
 }
@@ -102,7 +102,7 @@ def _ranking(result: Result) -> Section:
     summary, column, pairs = result.summary, standing(result), Pairs(result)
     basis = f"Small print: 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
-        basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
+        basis = f"No valid interval, and no verdict, with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
         basis = basis if summary.truth.scenes else f"{ONE_RUN}."
     note, listed = f"“{column.heading}”: {column.meaning}. {basis}", remarks(result)
     if len(result.scored) > 1:
@@ -125,7 +125,7 @@ def _expectations(result: Result) -> Iterator[Block]:
     yield tables.expectation_table(result)
     if any(item.operator in ("below", "above") for item in result.summary.expectations):
         yield Paragraph(
-            "“Below” and “above” hold the value against the limit, not its interval; “better than” is tested."
+            "“Below” and “above” compare the value with the limit, without its interval; “better than” is a test."
         )
 
 

@@ -13,7 +13,7 @@ from trackbench.report.verdicts import CERTAINTY
 from trackbench.results import Result, by_value
 from trackbench.results.scenario_summary import SceneSummary
 
-ONE_RUN = "No intervals: one run of one scene does not say what is chance"
+ONE_RUN = "No intervals: a single run of one scene does not show what is chance"
 
 
 def runs_in_words(result: Result) -> str:
@@ -53,8 +53,8 @@ def _independent_parts(result: Result) -> str:
     if summary.runs == 1:
         return "over stretches of the time of one run"
     if (summary.truth.model_extra or {}).get("random"):
-        return "over runs, each with a motion of its own"
-    return "over runs of one scene: of the sensors' noise, not of other traffic"
+        return "over runs with different motion"
+    return "over runs of one scene: for other sensor noise, not for other traffic"
 
 
 def values_of_few_scenes(result: Result) -> list[str]:

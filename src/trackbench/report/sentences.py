@@ -29,7 +29,7 @@ def facts(result: Result, trackers: int) -> tuple[str, ...]:
     options = truth.model_extra or {}
     source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
     return (
-        f"{source}, other motion in each run" if options.get("random") else source,
+        f"{source}, different motion in each run" if options.get("random") else source,
         runs_in_words(result),
         truth.vehicles,
         duration(result),
@@ -129,7 +129,7 @@ def below_the_bound(result: Result) -> list[str]:
 
 
 def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
-    """Return how many expectations are met: "All 3 expectations met", "1 of 3 expectations failed, 1 undecided"."""
+    """Return how many expectations are met: "All 3 expectations of the scenario are met"."""
     failed, undecided = (sum(item.outcome == word for item in expectations) for word in ("failed", "undecided"))
     kind = "not met" if failed or undecided else ("none", "one met", "met")[min(len(expectations), 2)]
     stated = counted(len(expectations), "expectation")

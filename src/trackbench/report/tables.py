@@ -188,7 +188,7 @@ def _errors(result: Result, trackers: Sequence[TrackerResult]) -> list[TableColu
         (Column("position RMSE, m", missing, details=INTERVAL), metric_cells(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", missing, details=INTERVAL), metric_cells(trackers, "velocity_rmse")),
         (
-            Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
+            Column(f"over {label}", f"position RMSE divided by that of the {label}", details=INTERVAL),
             metric_cells(trackers, "position_over_reference"),
         ),
         (Column("NEES, 4 expected", judged, details=VERDICT), metric_cells(trackers, "nees")),

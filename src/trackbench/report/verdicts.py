@@ -14,39 +14,40 @@ ANSWERS = {
 }
 #: Whether the expectations are met.
 EXPECTATIONS = {
-    "none": "No expectations stated",
-    "one met": "The expectation is met",
-    "met": "All {stated} met",
-    "not met": "{failed} of {stated} failed, {undecided} undecided",
+    "none": "The scenario states no expectations",
+    "one met": "The expectation of the scenario is met",
+    "met": "All {stated} of the scenario are met",
+    "not met": "{failed} of {stated} of the scenario failed, {undecided} undecided",
 }
 #: How sure the verdicts of a run are.
 CERTAINTY = {
-    "all pairs": "Better and worse: shown by over the margin, {margin}; equivalent: within it. The risk that any is "
-    "called so wrongly is 5 % (Holm, {pairs}).",
+    "all pairs": "Better and worse: a difference beyond the margin, {margin}, is shown; equivalent: shown to be "
+    "within it. The risk that any pair is called so wrongly is 5 % (Holm, {pairs}).",
     "best of many": "The risk is 5 % that any tracker as good as the best is called worse than {best}, which was "
     "chosen from the same data; the margin is {margin}.",
-    "undrawn": "{scenes} scenes may leave out a kind of scene that makes up {share} of all: an order would turn if two "
-    "trackers differed there by {factor} times as much as in these scenes, in the other direction",
-    "few decide": "Vehicles hide others, and one scene of a hundred in which one is lost may decide: with fewer than "
-    "{until} scenes an error is shown to be larger only where it is more than 1.5 times the other",
+    "undrawn": "{scenes} scenes may all miss a kind of scene that makes up {share} of all scenes: an order would be "
+    "reversed if two trackers differed there {factor} times as much as here, the other way round",
+    "few decide": "With fewer than {until} scenes an error is called larger only where it is more than 1.5 times the "
+    "other: vehicles hide others, and one scene of a hundred in which one is lost may decide",
     "ahead": "In {number} of {total} another tracker is ahead of {best} by more than the margin{which}.",
 }
 #: Remarks on trackers and on the meaning of their errors.
 REMARKS = {
-    "charged": "{name}: {share} of its squared {error} is charged for missing estimates ({without} without)",
-    "not called better": "{name} is not called better than {others}: its errors are smaller only with what is charged",
-    "below": "{name} is below the {label}: it expects this motion, or knows more than its measurements say",
+    "charged": "{name}: {share} of its squared {error} is the charge for missing estimates ({without} without it)",
+    "not called better": "{name} is not called better than {others}: its errors are smaller only with that charge",
+    "below": "{name} is below the {label}: it expects this motion, or uses more than its measurements",
     "matched": "Errors and NEES are of tracks within {reach:g} m of their object: a smaller cutoff makes them smaller",
-    "others ignored": "tracks on no object are ignored (truth.reference.others): no score tells false tracks",
-    "reference": "A reference knows which detection is whose; its false tracks: predicted further while their object "
-    "is hidden or gone",
-    "offline": "A smoother, marked offline, knows the measurements after each instant too: it is no competitor",
-    "elsewhere": "{names}: offline, made elsewhere: nothing shows that they did not see the future",
-    "not paired": "{name}: no fingerprint says of which scans, so compared with no tracker",
+    "others ignored": "tracks on no object are ignored (truth.reference.others), so no score counts false tracks",
+    "reference": "A reference is told which object caused each detection; its false tracks are predictions of objects "
+    "that are hidden or gone",
+    "offline": "A smoother (marked offline) also uses the measurements after each instant, so it is no competitor",
+    "elsewhere": "{names}: tracks made elsewhere, so offline: nothing shows that they use no later measurements",
+    "not paired": "{name} is compared with no tracker, since its file has no fingerprint of the scans",
     "used again": "identities used again after their track had ended are scored as one track: {trackers}",
-    "left out": "{name}: {rows} outside the time of the truth, left out; no track in {runs}, all missed there",
-    "clock": "{name}: time stamps fit best with {shift} added, beside a shift along the path; --time-offset or "
-    "time_offset_s adds it, {seconds} s",
+    "left out": "{name}: {rows} outside the time of the truth are left out; there is no track in {runs}, where every "
+    "object counts as missed",
+    "clock": "{name}: time stamps fit best with {shift} added, if there is also a shift along the path; to add it, "
+    "give --time-offset {seconds} (time_offset_s)",
 }
 #: Whether the truth is consistent.
 TRUTH = {
@@ -58,7 +59,7 @@ TRUTH = {
 NEXT = {
     "doctor": "Has {name} a fault?",
     "inspect": "Where are the errors largest?",
-    "scenes": "The same in other traffic?",
+    "scenes": "Does it hold in other traffic?",
 }
 #: Which tracker is ahead in a comparison, and how surely.
 COMPARED = {
@@ -67,13 +68,13 @@ COMPARED = {
     "nobody ahead": "No tracker is shown to be ahead over {over}: beside {than}, the {what} of {subject} is",
     "ahead of next": "{best} is ahead{by} over {over}: the {what} of {other}, the next, is {change}.",
     "ahead of baseline": "{best} is ahead{by} over {over}: its {what} is {change} than that of {other}, the baseline.",
-    "ahead by rank": "{best} is ahead over {over}: mean rank {rank}, {other} of {second}, the next.",
-    "too few": "Of other scenarios nothing is shown: with {trackers} that takes {wanted} sets of scenes, here are "
-    "{sets}.",
+    "ahead by rank": "{best} is ahead over {over}: its mean rank is {rank}, that of the next, {other}, {second}.",
+    "too few": "Nothing is shown about other scenarios: with {trackers} that takes {wanted} sets of scenes, and here "
+    "are {sets}.",
     "lead": "In other scenarios like these its mean rank is {shown} to be the best (sign-flip test of the ranks over "
     "the sets of scenes, p = {p_value}).",
     "pooled": "In %, with the 95 % interval of each alone; {over}: geometric mean of the ratios in these scenarios",
-    "words": "{over} speaks of these scenarios, not of others. Worse, better: by over the margin, at 5 % for all pairs "
-    "of {family} together (Holm), for which the intervals are not corrected; same: within the margin; not shown: "
-    "neither.",
+    "words": "{over} is about these scenarios, not about others. Worse, better: shown to differ by more than the "
+    "margin, at 5 % for all pairs of {family} together (Holm; the intervals are not corrected). Same: within the "
+    "margin. Not shown: neither.",
 }

@@ -22,7 +22,7 @@ def why_other_content(file: Path, digest: str) -> str | None:
     """Say why a file does not have this sha256; None if it has."""
     try:
         require_regular(file)
-        return None if sha256(file) == digest else "has another sha256 than is stated of it"
+        return None if sha256(file) == digest else "its sha256 is not the stated one"
     except FileNotFoundError:
         return "there is no such file"
 
@@ -45,7 +45,7 @@ def stored_table(file: Path, digest: str | None, stated_in: str) -> pa.Table:
     try:
         require_regular(file)
         if digest is not None and sha256(file) != digest:
-            raise InputError(f"not the table that this run wrote: {stated_in} has another sha256 of it", file=file)
+            raise InputError(f"not the table that this run wrote: its sha256 is not the one in {stated_in}", file=file)
         return pq.read_table(file)
     except FileNotFoundError:
         raise
@@ -88,7 +88,7 @@ def table_difference(stated: pa.Table, actual: pa.Table, tolerance: float = ROUN
     if stated.column_names != actual.column_names:
         return "the columns differ"
     if len(stated) != len(actual):
-        return f"{len(stated)} rows are stated, {len(actual)} come again"
+        return f"the table has {len(stated)} rows, and recomputing gives {len(actual)}"
     for name in stated.column_names:
         ours, theirs = (np.asarray(table[name].to_pandas()) for table in (stated, actual))
         if ours.dtype.kind == "f":
@@ -97,5 +97,5 @@ def table_difference(stated: pa.Table, actual: pa.Table, tolerance: float = ROUN
             differs = ours != theirs
         if differs.any():
             row = int(np.argmax(differs))
-            return f"row {row}, {name}: {ours[row]} is stated, {theirs[row]} comes again"
+            return f"row {row}, {name}: the table has {ours[row]}, and recomputing gives {theirs[row]}"
     return None

@@ -128,7 +128,7 @@ def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
     free = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
     if not free and not (folder / mark).is_file():
         kind = "the folder of a run" if mark == SUMMARY else f"a folder with {mark}"
-        raise InputError(f"there already, and not {kind}: not replaced", file=folder)
+        raise InputError(f"it exists and is not {kind}, so it is not replaced", file=folder)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -29,7 +29,7 @@ def merged_result(results: Mapping[str, Result]) -> Result:
         ours, theirs = first.summary, result.summary
         if (ours.fingerprints, ours.truth.motion) != (theirs.fingerprints, theirs.truth.motion):
             key = "truth.motion" if ours.fingerprints == theirs.fingerprints else "fingerprints"
-            raise InputError(f"{result.name}: {key}: other than in {first_label}, so nothing is paired", file=label)
+            raise InputError(f"{result.name}: {key} differs from {first_label}, so nothing is paired", file=label)
     trackers, label_of = list[TrackerResult](), dict[str, str]()
     for label, result in results.items():
         for tracker in result.summary.trackers:

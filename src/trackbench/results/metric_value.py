@@ -50,7 +50,7 @@ def model_of(kind: type[M], raw: Any, file: Path, what: str, version: int) -> M:
     if not isinstance(raw, dict) or "schema_version" not in raw or (len(raw) > 1 and required.isdisjoint(raw)):
         raise InputError(f"not a {what}", file=file)
     if raw["schema_version"] != version:
-        other = f"this {what} is of another version, run again what wrote it"
+        other = f"this {what} was written by another version of trackbench; make it again"
         raise InputError(f"schema_version is not {version}: {other}", file=file)
     try:
         return kind.model_validate({key: raw[key] for key in raw if key != "passed" or key in kind.model_fields})

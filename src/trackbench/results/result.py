@@ -304,7 +304,7 @@ def merged_places(results: Iterable[Result]) -> dict[str, int]:
 
 def _instead(folder: Path) -> str:
     if (folder / EXAMINATION).is_file():
-        return "it is that of an examination: open its report.html; `trackbench view` shows its recording"
+        return "it is the folder of an examination: open its report.html; `trackbench view` shows its recording"
     inside = sorted(file.parent.name for file in folder.glob(f"[!.]*/{SUMMARY}"))
     if inside:
         return f"it holds the folders of runs; name one of them: {', '.join(inside)}"

@@ -47,7 +47,7 @@ def external_estimates(work: Work, piece: BlockRuns, name: str, measurements: Me
         instant = np.clip(np.searchsorted(time, stamp - SAME_STAMP_S), 0, len(time) - 1)
         away = np.abs(time[instant] - stamp) > SAME_STAMP_S
         if away.any():
-            at = f"no scan was taken at {stamp[away][0]:.9g} s, where an estimate is given"
+            at = f"there is no scan at {stamp[away][0]:.9g} s, where an estimate is given"
             raise InputError(f"{where}: {at}", file=file, key=f"trackers.{name}")
         number = {name: index for index, name in enumerate(ids)}
         item = np.array([number[each] for each in run_rows.id], dtype=np.intp)

@@ -161,7 +161,7 @@ def offset_of(pairs: Array) -> TrackOffset:
         return TrackOffset(MetricValue(unit="s", reason=reason), shown=False)
 
     if centred[0] @ centred[0] <= 1e-6 * len(y):
-        return unknown("speeds are too alike to tell it from a shift along the path")
+        return unknown("speeds are too alike to tell a time offset from a shift along the path")
     value = float(centred[0] @ centred[1] / (centred[0] @ centred[0]))
     residual = centred[1] - value * centred[0]
     # The runs are laid one after the other on a common time axis.
@@ -173,7 +173,7 @@ def offset_of(pairs: Array) -> TrackOffset:
     else:
         correlated = correlation_time(following[order], owner[order], residual[order])
         if (runs.max() + 1) * length < FEWEST * LONGER / 2 * correlated:
-            return unknown(f"no interval: errors stay alike for {correlated:.2g} s, of {length - 1:.3g} s")
+            return unknown(f"no interval: errors stay correlated for {correlated:.2g} s of {length - 1:.3g} s")
         back = np.argsort(order)
         cuts = blocks_of(following[order], owner[order], residual[order][None]).cuts
         blocks = Blocks(tuple(cut[back] for cut in cuts))
@@ -181,7 +181,7 @@ def offset_of(pairs: Array) -> TrackOffset:
     (interval,) = blocks.intervals(terms, _slope)
     low, high = interval.bounds()
     if not high - low < USELESS_S:
-        return unknown("speeds are too alike to tell it from a shift along the path")
+        return unknown("speeds are too alike to tell a time offset from a shift along the path")
     error = float(np.sqrt(np.mean((y - y.mean()) ** 2)))
     moves = abs(value) * float(np.sqrt(np.mean(speed**2)))
     shown = low * high > 0 and abs(value) >= LEAST_S and moves >= LEAST_SHARE * error

@@ -100,8 +100,8 @@ def why_other_scans(rows: TrackRows, fingerprint: str) -> str | None:
     if not stated:
         return None
     if stated == [""]:
-        return "rows without a fingerprint, where others have one"
-    remedy = "they were made of other scans (name, seed, sensors or truth of the scenario are others): export them anew"
+        return "some rows have no fingerprint, and others have one"
+    remedy = "they were made of other scans (name, seed, sensors or truth of the scenario differ): export them anew"
     theirs = shortened_text(stated[-1], 40)
     return f"the tracks have the fingerprint {theirs!r}, the measurements {fingerprint!r}; {remedy}"
 
@@ -131,7 +131,7 @@ def why_no_overlap(rows: TrackRows, offset: float, spans: Sequence[tuple[float, 
         what = f"the tracks end {begin - last:.4g} s before the truth begins"
     else:
         what = "no row is within the time of a scene"
-    return f"{what}: check the clocks and the units of time, or say what is to be added, time_offset_s (--time-offset)"
+    return f"{what}: check the clocks and the units of time, or give the offset: time_offset_s (--time-offset)"
 
 
 def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> PlacedTracks:
@@ -183,7 +183,7 @@ def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> PlacedTrac
     column = np.arange(len(at)) - np.searchsorted(at, at)
     shape = (len(time), int(column.max(initial=-1)) + 1)
     if shape[0] * shape[1] > MOST_CELLS:
-        raise InputError(f"{shape[1]} tracks at one of {shape[0]} instants are too many; leave out those that are none")
+        raise InputError(f"{shape[1]} tracks at one of {shape[0]} instants are too many; drop rows that are none")
     stamp = stamp[np.argsort(order)]
 
     def placed(values: Array, fill: float = np.nan) -> Array:

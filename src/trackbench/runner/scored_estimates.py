@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 #: Starts of the messages of errors that arise from an array with too few axes.
 OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack")
-NO_ANSWER_YET = "is it of several objects? Those need sensing: {identities: hidden}"
+NO_ANSWER_YET = "does it follow several objects? Then write sensing: {identities: hidden}"
 
 
 class EstimateScoring:

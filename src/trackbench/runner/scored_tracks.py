@@ -18,7 +18,7 @@ from trackbench.sensing.scans import Measurements
 from trackbench.trackers.answers import NO_TRACK, TrackerFault, require_covariances
 from trackbench.truth.recorded.cycles import stretch_of
 
-NO_TRACKS_YET = "it had given no tracks; is it of one object? With hidden identities a scan has detections of all"
+NO_TRACKS_YET = "it gave no tracks; does it follow one object only? With hidden identities a scan has detections of all"
 
 
 class TrackScoring:

@@ -148,7 +148,7 @@ class Expectation(Config):
         operators = {"below": self.below, "above": self.above, "is": self.equals, "better_than": self.better_than}
         stated = [name for name, value in operators.items() if value is not None]
         if not stated:
-            yield Problem((), "says nothing: add one of below, above, is, better_than")
+            yield Problem((), "no limit is given: add below, above, is or better_than")
         for name in stated[1:]:
             yield Problem((name,), f"an expectation has one limit: write a second one beside {stated[0]}")
 
@@ -202,8 +202,8 @@ class ScenarioKeys(Config):
     recording: RecordingConfig = Field(default_factory=RecordingConfig, description="What the recording shows.")
     worlds: list[World] = Field(
         default_factory=list,
-        description="The worlds (`trackbench list worlds`) that a run goes through, each with a result of its own. The "
-        "scenario as it is written, unless given.",
+        description="The worlds (`trackbench list worlds`) in which the scenario is run, each with a result of its "
+        "own. Default: the scenario as it is written.",
     )
     world: World | None = Field(None, description="The world into which the scenario is changed.")
 

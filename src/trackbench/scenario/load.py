@@ -182,7 +182,7 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
             raise InputError(f"no world {world!r}; {nearest_choices(world, WORLDS)}", key="--worlds")
     current = loaded.config.world
     if worlds and current is not None:
-        message = f"is in the world {current} already, by its key world: remove that, or --worlds"
+        message = f"its key world already says {current}: remove that key, or leave --worlds out"
         raise loaded.locate(InputError(message, key="world"))
     names = [*worlds] or loaded.config.worlds
     if not names or current is not None:

@@ -143,7 +143,7 @@ def _if_known(scenario: ScenarioKeys) -> Iterator[Problem]:
 def _if_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
     """Yield the keys and trackers that need known identities, where identities are hidden."""
     for name, tracker in scenario.trackers.items():
-        alone = "follows one object each, of which the detections do not say"
+        alone = "follows one object, but hidden identities need a tracker of several"
         if isinstance(tracker, FilterConfig) and tracker.associate is None:
             yield Problem(("trackers", name, "filter"), f"{alone}; add associate: {{method: gnn}}")
         elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.reference).startswith("trackbench."):
@@ -369,9 +369,9 @@ def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Itera
     for key in truth.reference.of_tracks if is_known else ():
         yield Problem(("truth", "reference", key), only)
     if is_known and truth.stretches is not None:
-        yield Problem(("truth", "stretches"), f"{only}: errors have intervals over stretches without it")
+        yield Problem(("truth", "stretches"), f"{only}: errors have intervals without it")
     if truth.stretches is not None and scenario.monte_carlo.runs > 1:
-        message = "only used with monte_carlo: {runs: 1}: several runs of a log have intervals over its noise; remove"
+        message = "only used with monte_carlo: {runs: 1}, since several runs already give intervals; remove"
         yield Problem(("truth", "stretches"), message)
     if is_known and truth.without_truth:
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
@@ -383,9 +383,9 @@ def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Itera
     for name, columns in truth.measurements.items():
         for key in ("slot", "copies_within_m") if name not in unlabelled else ():
             if getattr(columns, key) is not None:
-                message = "only used with unlabelled detections, and these are of known objects; remove"
+                message = "only used with unlabelled detections, and these have the names of their objects; remove"
                 yield Problem(("truth", "readings", name, key), message)
     for name, tracker in scenario.trackers.items() if unlabelled and not is_known else ():
         if isinstance(tracker, FilterConfig) and tracker.associate is not None and tracker.associate.method == "oracle":
-            message = f"oracle is told of which object each detection is; nothing says so of {', '.join(unlabelled)}"
+            message = f"oracle needs the object of each detection, which is not recorded for {', '.join(unlabelled)}"
             yield Problem(("trackers", name, "associate", "method"), message)

@@ -47,8 +47,8 @@ class AssumedEffects(Config):
 
     signal_to_noise: SignalRange | None = Field(
         None,
-        description="The noise of each measurement by its range, as the effect of this name has it on average over the "
-        "fluctuating cross-section; with associate the detection probability too.",
+        description="Noise of each measurement that depends on its range as in the sensor effect of this name, "
+        "averaged over the fluctuating cross-section; with associate the detection probability too.",
     )
     correlated_errors: ErrorProcess | None = Field(
         None, description="Errors that change slowly, which are estimated with the motion of each object."
@@ -92,7 +92,7 @@ class AssumedEffects(Config):
 
     def problems(self) -> Iterator[Problem]:
         if not self.names:
-            yield Problem((), f"says nothing; add {' or '.join(type(self).model_fields)}")
+            yield Problem((), f"is empty; add {' or '.join(type(self).model_fields)}")
 
 
 def error_states(effects: Mapping[str, AssumedEffects]) -> tuple[ErrorState, ...]:

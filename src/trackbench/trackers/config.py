@@ -199,7 +199,7 @@ class FilterConfig(OptionsBeside):
         except PydanticCustomError:
             return data
         stated_options, unused = {key: item for key, item in options.items() if key != "model"}, model.driving_noise
-        reason = "not used with process_noise_diag, which says it all; remove one of them"
+        reason = "not used with process_noise_diag, which replaces it; remove one of them"
         at: KeyPath = () if is_word else ("motion",)
         reject(cls.__name__, [Problem((*at, key), reason) for key in dict.fromkeys(unused) if key in stated_options])
         # Replaced options need a valid value for the validation; they end as 0.
@@ -212,7 +212,7 @@ class FilterConfig(OptionsBeside):
         for motion in models:
             yield from self._motion_problems(motion, _name(motion))
         if isinstance(self.motion, ImmConfig) and self.process_noise_diag is not None:
-            yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
+            yield Problem(("process_noise_diag",), "not used with imm, whose models have their own; remove it")
         for key in UKF_KEYS:
             if key in stated and self.filter != "ukf":
                 yield Problem((key,), f"only filter ukf has this key; the filter here is {self.filter}")
@@ -245,7 +245,7 @@ class FilterConfig(OptionsBeside):
         if self.initial.source == "two_measurements":
             yield ("initial", "from"), "not used with errors as states: a track starts from its first measurement"
         if self.initial.covariance_diag is not None:
-            yield ("initial", "covariance_diag"), "not used with errors as states, which the first measurement has too"
+            yield ("initial", "covariance_diag"), "not used with errors as states; remove it"
         for motion in self.models:
             if set(YAW) & set(motion.components):
                 name, others = _name(motion), "cv or ca"
@@ -259,7 +259,7 @@ class FilterConfig(OptionsBeside):
             yield Problem(("smoother",), "a smoother follows one object; remove it, or associate")
         for sensor, effects in self.assume.items():
             if effects.signal_to_noise is not None and effects.correlated_errors is not None:
-                known = "with associate their size is to be known before a detection and its range are"
+                known = "with associate their size may not depend on the range, as by signal_to_noise"
                 yield Problem(("assume", sensor, "correlated_errors"), f"{known}; remove it, or signal_to_noise")
         for key in ("skip", "waiting"):
             if key in self.initial.model_fields_set:

@@ -57,8 +57,8 @@ class InitialConfig(Config):
     )
     waiting: Literal["nothing", "at_rest"] = Field(
         "nothing",
-        description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
-        "latest measurement says, its velocity being as unknown as from first_measurement.",
+        description="Estimate that is given and scored before an object's track starts. at_rest: the object stands at "
+        "its latest measurement; the velocity is as uncertain as from first_measurement.",
     )
     unbiased: bool = Field(
         True,
@@ -104,7 +104,7 @@ class InitialConfig(Config):
                 allowed = " or ".join(sources)
                 yield Problem((key,), f"not used with from: {self.source}; remove it, or use from: {allowed}")
             elif "sigma" in key and self.covariance_diag is not None and self.source != "truth":
-                yield Problem((key,), "not used with covariance_diag, which says it all; remove one of them")
+                yield Problem((key,), "not used with covariance_diag, which replaces it; remove one of them")
 
 
 #: Standard deviation of a yaw drawn from the truth, rad.

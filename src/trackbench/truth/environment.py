@@ -43,7 +43,7 @@ def complete(
             raise InputError(f"unknown key; {nearest_choices(str(key), defaults)}", key=f"{at}.{key}")
         default = defaults[key]
         if None not in (value, default) and _kind(value) is not _kind(default):
-            raise InputError(f"must be of the kind of the default, {default!r}, and not {value!r}", key=f"{at}.{key}")
+            raise InputError(f"must have the type of the default, {default!r}, not {value!r}", key=f"{at}.{key}")
         result[key] = value
         if key in ACTION and isinstance(value, Mapping):
             usual = default if default is not None and value.get("type", default["type"]) == default["type"] else {}

@@ -119,7 +119,7 @@ def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
         last = min(last, first + round(config.duration_s / dt))
     inside = [track for track in moving if track.first < last and track.first + len(track.x) - 1 > first]
     if not inside:
-        raise InputError(f"no vehicle is there then: the file has {end * dt:g} s", key="truth.from_s")
+        raise InputError(f"no vehicle is there at that time: the file has {end * dt:g} s", key="truth.from_s")
     if (last - first + 1) * len(inside) > LARGEST:
         message = f"{counted(len(inside), 'vehicle')} in {(last - first) * dt:g} s are too many; take a shorter time"
         raise InputError(message, key="truth.duration_s")

@@ -92,7 +92,7 @@ def test_a_cluster_of_this_machine_gives_the_same_bits_and_leaves_no_process(lin
         ),
         (
             ["--cluster", "local:2", "--workers", "2"],
-            "workers: the work runs in one place: leave it out beside a cluster\n",
+            "workers: give workers or a cluster, not both: leave one of them out\n",
         ),
     ],
 )

@@ -32,7 +32,7 @@ from trackbench.scenario.truth import truths_of
 
 Write = Callable[..., Scenario]
 #: Loky tells the status where the worker has ended before it looks.
-DIED = r"^no result: the process of a worker ended( \(EXIT\(7\)\))?; a plug-in may have ended it"
+DIED = r"^no result: the process of a worker ended( \(EXIT\(7\)\))?, perhaps by a plug-in"
 
 
 def test_two_processes_give_the_same_bits(line: Scenario) -> None:

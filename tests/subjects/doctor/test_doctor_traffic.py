@@ -63,7 +63,7 @@ def test_a_column_taken_for_an_object_depends_on_the_order() -> None:
 
 def test_a_tracker_without_a_track_is_said_to_have_none() -> None:
     finding, *_ = TrafficDoctor(SENSORS).examine("tracker", looped(Silent)).findings
-    assert (finding.fault, finding.evidence) == ("confirms_too_late", "There is no track at all of it in 3 s.")
+    assert (finding.fault, finding.evidence) == ("confirms_too_late", "The object has no track in 3 s.")
 
 
 @pytest.mark.usefixtures("filters_once")

@@ -49,17 +49,17 @@ def test_an_axis_that_cannot_be(axis: dict[str, Any], message: str, tmp_path: Pa
     ("changes", "place", "message"),
     [
         ({"expect": []}, "expect", "an envelope needs a requirement"),
-        ({"expect": [{"tracker": "kf", "metric": "step_time", "below": 3}]}, "expect.0.metric", "another each time"),
+        ({"expect": [{"tracker": "kf", "metric": "step_time", "below": 3}]}, "expect.0.metric", "changes each time"),
         (
             {"expect": [{"tracker": "kf", "metric": "health.diverged_runs", "below": 3}]},
             "expect.0.metric",
-            "no mean over",
+            "not a mean over",
         ),
         ({"expect": [{"tracker": "kf", "metric": "nees.verdict", "is": "consistent"}]}, "expect.0.is", "is a word"),
         (
             {"expect": [{"tracker": "kf", "metric": "position_rmse", "better_than": "loose"}]},
             "expect.0.better_than",
-            "an envelope takes below and above",
+            "an envelope needs a limit: write below or above",
         ),
     ],
 )

@@ -103,9 +103,12 @@ def test_a_run_without_a_track_is_missed_and_named(elsewhere: pd.DataFrame, tmp_
     three, four = (result_of(file, runs) for runs in (3, 4))
     assert three["theirs"].filed.silent_runs == 0
     assert (four["theirs"].filed.silent_runs, four["theirs"].filed.outside) == (1, 0)
-    (said,) = (text for text in external_tracks(four) if "all missed there" in text)
+    (said,) = (text for text in external_tracks(four) if "every object counts as missed" in text)
     assert said.startswith("theirs: 0 of ")
-    assert said.endswith(" rows outside the time of the truth, left out; no track in 1 run, all missed there")
+    assert said.endswith(
+        "rows outside the time of the truth are left out; there is no track in 1 run, where every object counts as "
+        "missed"
+    )
     # Three runs of four have what they had.
     share = 0.75 * three["theirs"].matched_share.value
     assert four["theirs"].matched_share.value == pytest.approx(share, rel=0.02)

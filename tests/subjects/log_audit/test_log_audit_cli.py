@@ -62,13 +62,13 @@ def test_nothing_else_is_replaced(cli: CLI, log: Path, tmp_path: Path) -> None:
     (tmp_path / "out" / "thesis.tex").write_text("")
     done = cli("audit", log, "--out", "out")
     assert done.status == 2
-    assert "there already, and not a folder with audit.json: not replaced" in done.err
+    assert "it exists and is not a folder with audit.json, so it is not replaced" in done.err
 
 
 @pytest.mark.parametrize(
     ("scenario", "message"),
     [
-        ("highway", "truth.source: an audit holds recorded measurements against"),
+        ("highway", "truth.source: an audit compares recorded measurements with"),
         ("nothing.yaml", "there is no such file"),
     ],
 )

@@ -145,4 +145,4 @@ def test_long_files_have_intervals_and_short_ones_say_why_not(
     metric = tb.Result.load(tmp_path / "results" / "truth")["good"].gospa
     assert (metric.ci95 is not None) == (stretches > 0)
     assert (f"{stretches} stretches of one log" in done.out) == (stretches > 0)
-    assert ("No intervals: one run" in done.out) == (stretches == 0)
+    assert ("No intervals: a single run" in done.out) == (stretches == 0)

@@ -57,7 +57,7 @@ def test_the_other_cars_do_not_change_a_score(files: Path, cli: Cli) -> None:
 
 def test_it_is_said_and_a_gate_of_false_tracks_is_not_kept(files: Path, cli: Cli) -> None:
     done = cli("score", "traffic.csv", "--truth", "boxes.csv", "--no-recording", *IGNORED)
-    assert "no score tells false tracks" in " ".join(done.out.split())
+    assert "no score counts false tracks" in " ".join(done.out.split())
     done = cli("score", "traffic.csv", "--truth", "boxes.csv", "--no-recording", *IGNORED, "--gate", "false_tracks:1")
     assert done.status == 1
     assert "tracks on no object are ignored" in done.out

@@ -153,7 +153,7 @@ def test_a_beaten_bound_is_found_in_tracks_of_a_closed_tracker(entry: Path, cli:
     done = cli("suite", "verify", "entries/theirs")
     assert done.status == 1
     assert f"failed    bound     {DRAWN}: its position RMSE beats the Cramér-Rao bound" in done.out
-    assert "on trust  rerun     a program that is not here made the tracks" in done.out
+    assert "on trust  rerun     the tracks were made by a program that is not here" in done.out
 
 
 def test_entries_of_several_machines_merge_paired(entry: Path, cli: Cli) -> None:
@@ -166,7 +166,7 @@ def test_entries_of_several_machines_merge_paired(entry: Path, cli: Cli) -> None
     (difference,) = json.loads(Path("both.json").read_text(encoding="utf-8"))["differences"]
     assert difference["paired_runs"] == 60
     assert {difference["verdict"]} <= {"better", "worse"}
-    again = "has the same name 'mine'; name one otherwise"
+    again = "has the same name 'mine'; rename one of them"
     assert again in cli("suite", "merge", entry, entry).err
     for name in ("ekf_cv", "kf_cv"):
         shutil.move(elsewhere / name, entry.parent)

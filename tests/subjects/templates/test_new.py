@@ -62,7 +62,7 @@ def test_a_new_metric_is_named_in_a_scenario_as_printed(tmp_path: Path, cli: Cli
         (("tracker", "my-tracker"), "'my-tracker' is no name for a module"),
         (("tracker", "class"), "'class' is no name for a module"),
         (("metric", "nees"), "no metric can be written: its name 'nees' is that of a built-in one"),
-        (("metric", "größe"), "no metric can be written: its name 'größe' may have a to z, 0 to 9 and _ alone"),
+        (("metric", "größe"), "no metric can be written: its name 'größe' may only have a to z, 0 to 9 and _"),
         (("tracker", "mine", "--out", "taken.txt/in"), "cannot be written"),
     ],
 )

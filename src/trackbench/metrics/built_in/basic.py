@@ -113,7 +113,7 @@ class Nees(EstimateMetric):
     name, unit, value_name = "nees", "1", "mean"
     meaning = "mean normalised estimation error squared of estimates or matched tracks; 4 when consistent"
     fields = (
-        Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
+        Field("steps_inside_bounds", "share of the steps at which the mean NEES is inside its 95 % bounds"),
         Field(
             "verdict",
             "whether the errors are as large as stated; mixed: larger or smaller, depending on the condition; "
@@ -157,9 +157,9 @@ class Nis(EstimateMetric):
     name, unit, value_name, per_sensor = "nis", "1", "mean", True
     meaning = "normalised innovation squared of one sensor, mean over runs"
     fields = (
-        Field("coverage", "share of the measurements of a known object of which there is an innovation"),
-        Field("inside95", "share of its innovations under the 95 % point"),
-        Field("steps_inside_bounds", "share of the steps at which its mean is inside the bounds"),
+        Field("coverage", "share of the measurements of a known object that have an innovation"),
+        Field("inside95", "share of the innovations below the 95 % point of chi-square"),
+        Field("steps_inside_bounds", "share of the steps at which the mean NIS is inside its 95 % bounds"),
         Field("verdict", "whether the innovations are as large as predicted", CONSISTENCY),
     )
 
@@ -186,7 +186,7 @@ class Whiteness(EstimateMetric):
 
     name, unit, per_sensor = "whiteness", "1", True
     meaning = "correlation of successive normalised innovations of one sensor"
-    fields = (Field("verdict", f"whether it is within {WHITENESS_TOLERANCE} of zero", WHITENESS),)
+    fields = (Field("verdict", f"whether the correlation is within {WHITENESS_TOLERANCE} of zero", WHITENESS),)
 
     def finish(self, sums: BlockScores) -> Mapping[str, Outcome]:
         return {sensor: self._of(nis, sums.scenes) for sensor, nis in sums.nis.items()}
@@ -231,20 +231,20 @@ class OverReference(EstimateMetric):
 
 
 class PositionOverReference(OverReference):
-    name, meaning = "position_over_reference", "position RMSE over that of the reference"
+    name, meaning = "position_over_reference", "position RMSE divided by that of the reference"
     rows, row = ("px", "py"), "position_reference"
     column, over = PositionRmse.column, "position_reference_m"
 
 
 class VelocityOverReference(OverReference):
-    name, meaning = "velocity_over_reference", "velocity RMSE over that of the reference"
+    name, meaning = "velocity_over_reference", "velocity RMSE divided by that of the reference"
     rows, row = ("vx", "vy"), "velocity_reference"
     column, over = VelocityRmse.column, "velocity_reference_mps"
 
 
 class Coverage(EstimateMetric):
     name, unit, better = "coverage", "1", "larger"
-    meaning = "share of the steps at which the tracker should have an estimate at which it has one"
+    meaning = "share of the due estimates that the tracker gave"
 
     def finish(self, sums: BlockScores) -> Outcome:
         return sums.coverage if sums.due.any() else self.no_value("no object was ever seen")

@@ -124,7 +124,7 @@ def by_name(*metrics: RunRatio) -> dict[str, RunRatio]:
 NOT_SAID = {"missing": "the tracker does not say which detections it used"}
 #: Options of shares of associations, which few runs decide.
 OF_ASSOCIATIONS = {**NOT_SAID, "fewest": 400}
-NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
+NOT_ASKED = {"missing": "only built-in trackers tell what they predict"}
 #: Metrics of runs with a truth, by name.
 TRACK_METRICS = by_name(
     root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too", ranks=True, localises=True),
@@ -134,7 +134,7 @@ TRACK_METRICS = by_name(
     ),
     root_of("gospa_missed", "m", "part of GOSPA from objects without a track"),
     root_of("gospa_false", "m", "part of GOSPA from tracks without an object", fewest=10),
-    root_of("gospa_switch", "m", "part of T-GOSPA from identities: what it has beside GOSPA"),
+    root_of("gospa_switch", "m", "part of T-GOSPA from identity switches, which GOSPA lacks"),
     share("hota", "detection and association in one number", "larger", combine="mean", fewest=100),
     share("deta", "detection part of HOTA", "larger", combine="mean"),
     share("assa", "association part of HOTA", "larger", combine="mean", fewest=100),
@@ -151,11 +151,11 @@ TRACK_METRICS = by_name(
         fewest=100,
     ),
     share("never_confirmed", "share of the due objects that are never tracked", "smaller"),
-    share("lost_time_share", "share of the time after its first track that an object has none", "smaller", fewest=100),
+    share("lost_time_share", "time without a track, as a share since an object's first track", "smaller", fewest=100),
     over_tracks(PositionRmse, combine="root", fewest=400),
     over_tracks(VelocityRmse, combine="root", fewest=math.inf),
     over_tracks(Nees, fewest=math.inf),
-    share("nees_inside", "share of them within the 95 % bound of chi-square, 0.95 when consistent", None, fewest=400),
+    share("nees_inside", "share of NEES below the 95 % point of chi-square, 0.95 when consistent", None, fewest=400),
     share("matched_share", "share of the due instants with a matched track", "larger"),
     share("association_right", "share of associations with the track's own object", "larger", **OF_ASSOCIATIONS),
     share("association_wrong_object", "share of associations with another object", "smaller", **OF_ASSOCIATIONS),

@@ -65,7 +65,7 @@ class Sensor(SensorModel):
     )
     states: StatedDetection = Field(
         default_factory=StatedDetection,
-        description="Figures that trackers get in place of the simulated ones, to study wrong figures.",
+        description="Figures that trackers are told in place of the simulated ones, to see what wrong figures cost.",
     )
     dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
     latency_s: Latency = Field(
@@ -102,7 +102,7 @@ class Sensor(SensorModel):
             if not self.has_volume():
                 yield Problem(at, f"a {self.kind()} has no uniform clutter; remove it")
             elif self.max_range_m is None:
-                yield Problem(("max_range_m",), "missing: uniform clutter needs a field of view that ends")
+                yield Problem(("max_range_m",), "missing: uniform clutter needs a limited range")
         for name, sigma in zip(self.sigma_options, self.sigmas(), strict=True):
             if not LEAST_SIGMA <= sigma <= LARGEST_SIGMA:
                 message = f"{sigma:g} in SI units: it must be from {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"

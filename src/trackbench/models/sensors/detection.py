@@ -91,7 +91,7 @@ class Resolution(Config):
 
     def problems(self) -> Iterator[Problem]:
         if not self.model_fields_set:
-            yield Problem((), "says nothing: add range_m, azimuth_deg or range_rate_mps")
+            yield Problem((), "is empty: add range_m, azimuth_deg or range_rate_mps")
 
 
 class StatedDetection(Config):

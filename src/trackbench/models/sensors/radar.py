@@ -94,7 +94,7 @@ class Radar(Polar):
         stated: list[KeyPath] = [(key,) for key in self.unused if getattr(self, key) is not None]
         if "range_rate" not in self.components and "range_rate_mps" in self.clutter.model_fields_set:
             stated.append(("clutter", "range_rate_mps"))
-        named = f"measures is [{', '.join(self.components)}], which is without it"
+        named = f"measures is [{', '.join(self.components)}], which does not have it"
         yield from (Problem(at, f"{named}; remove this, or add its component to measures") for at in stated)
         yield from super().problems()
 

@@ -66,9 +66,7 @@ def comparison_document(comparison: Comparison, reports: Mapping[str, str] | Non
     (title, blocks), lead = parts[0], ""
     if len(parts) > 1:
         title = f"Comparison over {sum(len(group.scenarios) for group in comparison.groups)} scenarios"
-        lead = (
-            "Scenarios that different metrics rank are compared apart: their trackers do not answer the same question."
-        )
+        lead = "Scenarios that are ranked by different metrics are compared apart: they answer different questions."
         blocks = tuple(map(_section, comparison.groups, parts))
     return Document(
         kind="comparison",
@@ -252,10 +250,10 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
             Column("verdict", left=True),
             [Cell(difference_word(item.verdict), tone=TONES.get(item.verdict, ""), chip=True) for item in items],
         ),
-        (Column("%", "of the value that it is held against"), [Cell(in_percent(item.percent)) for item in items]),
+        (Column("%", "of the value that it is compared with"), [Cell(in_percent(item.percent)) for item in items]),
         (Column("value"), [Cell(short(item.value, digits)) for item in items]),
         (
-            Column("margin", "up to which a difference does not matter"),
+            Column("margin", "largest difference that does not matter"),
             [Cell(short(item.margin, digits)) for item in items],
         ),
     ]

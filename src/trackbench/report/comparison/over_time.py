@@ -105,5 +105,5 @@ def origin_blocks(comparison: Comparison) -> Iterator[Block]:
 def _origin(origin: SetOrigin) -> str:
     made_at = f"{origin.made_at[:16].replace('T', ' ')} UTC" if origin.made_at else "not known when"
     commit = f", commit {origin.commit}" if origin.commit else ""
-    changes = "; ".join(origin.changes) or "nothing that the results state"
+    changes = "; ".join(origin.changes) or "nothing else that the results record"
     return f"{made_at}{commit}" + (f": {changes}" if origin.set else "")

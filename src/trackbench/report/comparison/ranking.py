@@ -83,13 +83,13 @@ def _extent(comparison: Comparison) -> str:
     ranking, sets = competitors(comparison), comparison.sets_of_scenes
     text = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
     shared = [joined_names(names) for names in sets if len(names) > 1]
-    together = f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share theirs, and count as one"
+    together = f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share the same scenes, and count as one"
     return text + together
 
 
 _METHOD = (
-    "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better by "
-    "over the margin, a half for each where neither is."
+    "Mean of the ranks by {metric} within each scenario. A rank is 1, plus 1 for each tracker that is shown to be "
+    "better by more than the margin, plus a half for each tracker where neither is shown to be better."
 )
 _GROUPS = (
     " Trackers that share a letter are not shown to differ in mean rank (exact sign-flip test over the sets of scenes, "

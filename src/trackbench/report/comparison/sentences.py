@@ -122,7 +122,7 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
             same = sum(item.identical for item in changes)
             number = "" if same == len(changes) else f"{same} "
             listed = f"{len(changes)}{f' ({number}the same in every run)' if same else ''}"
-        parts += [f"{difference_word(verdict)}: {listed}"] if changes else []
+        parts += [f"{difference_word(verdict)}{' to differ' * (verdict == UNDECIDED)}: {listed}"] if changes else []
     return f"{'; '.join(parts)}."
 
 

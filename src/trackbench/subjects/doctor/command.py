@@ -40,14 +40,14 @@ FIRST = 200
     metavar="FILE",
     help="Use the sensors and the observer of this scenario.",
 )
-@out_option("Folder of the files.  [default: results/doctor/TRACKER]")
+@out_option("Folder for the files.  [default: results/doctor/TRACKER]")
 @click.option(
     "--identities",
     type=click.Choice(["known", "hidden"]),
     help="hidden: a class that follows several objects.  [default: known]",
 )
-@click.option("--static-sensors", is_flag=True, help="The sensors stand still: nothing is tried with moving ones.")
-@click.option("--no-misses", is_flag=True, help="Every scan has a detection: no others are given.")
+@click.option("--static-sensors", is_flag=True, help="The sensors stand still: no moving sensors are tried.")
+@click.option("--no-misses", is_flag=True, help="Every scan has a detection: no scans without one are given.")
 @click.option(
     "--skip", multiple=True, metavar="CHECK", help="Leave a check out; `trackbench list checks` shows their names."
 )

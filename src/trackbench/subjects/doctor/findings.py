@@ -23,8 +23,8 @@ P = ParamSpec("P")
 #: Kinds of faults; they decide which finding may be the consequence of which.
 KINDS = {
     "exact": "Found without a model of the tracker, or by one that fits it exactly: no other fault looks like it.",
-    "motion": "Found by predictions alone: the use of one sensor's measurements does not change it.",
-    "driven": "Found as an error of the estimates of a drive, which any fault may cause.",
+    "motion": "Found from predictions alone, so the measurements of a sensor do not affect it.",
+    "driven": "Found as errors of the estimates in a drive, which any fault may cause.",
     "ego": "A fault in the use of the sensor's own pose and velocity.",
 }
 

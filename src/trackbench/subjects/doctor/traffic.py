@@ -195,7 +195,7 @@ class TrafficDoctor:
             if type(sensor).volume is not Sensor.volume:
                 kinds.setdefault(sensor.type, Site(name, simplified(sensor)))
         if not kinds:
-            raise InputError("no sensor of it has a field of view with a volume, which clutter needs", key="sensors")
+            raise InputError("clutter needs a field of view with a volume, which no sensor has", key="sensors")
         self._sites = list(kinds.values())
 
     @one_blas_thread()
@@ -215,7 +215,7 @@ class TrafficDoctor:
         records = checks_of(TRAFFIC_CHECKS)
         scenes = [(record, [site]) for site in used for record in records if record.least_sensors == 1]
         scenes += [(record, used) for record in records if 1 < record.least_sensors <= len(used)]
-        reason = "no track comes of its detections alone; nothing was tried with it"
+        reason = "its detections alone start no track, so nothing was tried with it"
         question = "Does an object that this sensor detects become a track?"
         left_out = [site.name for site in self._sites if site not in used]
         checks = [CheckResult(f"confirmation.{sensor}", question, None, reason) for sensor in left_out]

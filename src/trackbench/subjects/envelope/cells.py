@@ -179,13 +179,13 @@ def requirements_of(loaded: Scenario) -> list[ClaimedLimit]:
 
 def _requirement(loaded: Scenario, fields: Mapping[str, Field], number: int, item: Expectation) -> ClaimedLimit:
     if item.metric in TIMES:
-        message = f"{item.metric} is another each time that it is measured, so that no claim on it could be repeated"
+        message = f"{item.metric} changes each time that it is measured, so no claim on it could be repeated"
         raise loaded.locate(InputError(message, key=f"expect.{number}.metric"))
     direction: Direction = "above" if item.below is None else "below"
     limit = item.above if item.below is None else item.below
     if limit is None:
         key, what = ("is", "a word") if item.better_than is None else ("better_than", "a comparison")
-        message = f"is {what}, by which no cell is decided: an envelope takes below and above"
+        message = f"is {what}, but an envelope needs a limit: write below or above"
         raise loaded.locate(InputError(message, key=f"expect.{number}.{key}"))
     unit = fields[item.metric].unit
     return ClaimedLimit(tracker=item.tracker, metric=item.metric, unit=unit, direction=direction, limit=limit)
@@ -209,7 +209,7 @@ def work_of_cell(
     paths = frozenset[str]().union(*(_paths(metric, work) for metric in metrics))
     for number, item in enumerate(loaded.config.expect):
         if item.metric not in paths:
-            message = f"{item.metric} is no mean over runs, so that no cell can be decided by it"
+            message = f"{item.metric} is not a mean over runs, so it cannot decide a cell"
             raise loaded.locate(InputError(message, key=f"expect.{number}.metric"))
     metrics += [metric for metric in work.metrics if metric.name == "coverage" and metric not in metrics]
     return replace(work, metrics=tuple(metrics), recorded_run=-1, driven_twice=None)

@@ -63,16 +63,18 @@ class EnvelopeGroup(click.Group):
 @click.argument("scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True)
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
-@out_option("The folder NAME-envelope is written there.", "results")
-@click.option("--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same claim.")
-@click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
+@out_option("Folder in which NAME-envelope is written.", "results")
+@click.option("--workers", type=WORKERS, metavar="N", help="Processes; default: one per core if faster. Same claim.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask cluster: tcp://HOST:PORT or local:N.")
 @engine_option
 @isolation_options
-@click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N for each tracker.")
+@click.option(
+    "--counter-examples", type=click.IntRange(0), metavar="N", help="Counter-examples for each tracker, at most."
+)
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @junit_option("Write the cells as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
-@quiet_option("The headline alone.")
+@quiet_option("Print only the headline.")
 @verbose_option
 def envelope_command(
     scenario: Path,

@@ -20,7 +20,7 @@ FIXED = ("monte_carlo", "envelope", "name", "expect", "worlds", "recording")
 class Linked(Config):
     """Linear relation of a key to the value of an axis: ``offset + factor * value``."""
 
-    factor: float = Field(1, description="What the value is multiplied by.")
+    factor: float = Field(1, description="Factor by which the value is multiplied.")
     offset: float = Field(0, description="What is added.")
 
     def value(self, number: float) -> float:
@@ -39,7 +39,7 @@ class Axis(Config):
     high: float | None = Field(None, alias="to", description="The largest value of a continuous axis.")
     levels: int = Field(5, ge=2, le=200, description="How many values of a continuous axis the map starts from.")
     scale: Literal["linear", "log"] = Field("linear", description="How the values of a continuous axis are spaced.")
-    values: list[float] = Field(default_factory=list, description="All values of an axis that has none between them.")
+    values: list[float] = Field(default_factory=list, description="All values of a discrete axis.")
     choices: dict[str, dict[str, Any]] | list[str | bool] = Field(
         default_factory=list,
         description="Categories: values of `key`, or names, each with the keys that it sets.",
@@ -92,7 +92,7 @@ class Axis(Config):
             if key is not None and not all(key.split(".")):
                 yield Problem((place,), f"{key!r} is no key of a scenario, such as sensors.radar.range_sigma_m")
             elif key is not None and key.partition(".")[0] in FIXED:
-                yield Problem((place,), f"{key} cannot be an axis: the map rests on it")
+                yield Problem((place,), f"{key} cannot be an axis: it must be the same in the whole map")
 
     def _between(self) -> Iterator[Problem]:
         assert self.low is not None
@@ -130,7 +130,7 @@ envelope:
     rate: {key: sensors.front_radar.rate_hz, values: [5, 10, 20]}
 """
 
-    axes: dict[Name, Axis] = Field(min_length=1, description="What is varied, by name.")
+    axes: dict[Name, Axis] = Field(min_length=1, description="The axes that are varied, by name.")
     #: Probability that no cell of the whole map is decided wrongly, for any tracker.
     confidence: ClassVar[float] = 0.95
     claim: Literal["these scenes", "traffic like these"] = Field(

@@ -88,7 +88,7 @@ class EnvelopeDiff:
             items = [item for item in self.changes if item.tracker == tracker]
             gained, opened = (sum(item.outcome == kind for item in items) for kind in ("gained", "open"))
             holds = [sum(getattr(item, when) == "holds" for item in items) for when in ("before", "after")]
-            more = f"{gained} from fails to holds, {opened} decided in one map alone"
+            more = f"{gained} from fails to holds, {opened} decided in only one map"
             yield f"{tracker}: holds in {holds[0]} cells before, {holds[1]} after; {more}"
         yield from self.margins
         yield from self.left_out
@@ -131,14 +131,14 @@ def _require_alike(a: Claim, b: Claim) -> None:
     axes = [[(axis.name, axis.config.key, axis.config.keys, axis.config.form) for axis in item.axes] for item in (a, b)]
     if axes[0] != axes[1]:
         names = [", ".join(axis.name for axis in item.axes) for item in (a, b)]
-        raise InputError(f"the maps have other axes: {names[0]} and {names[1]}, or other keys of them", key="diff")
+        raise InputError(f"the maps have different axes or keys: {names[0]} and {names[1]}", key="diff")
     trackers = [name for name in b.trackers if name in a.trackers]
     if not trackers:
         raise InputError(f"no tracker is in both: {', '.join(a.trackers)} and {', '.join(b.trackers)}", key="diff")
     for name in trackers:
         limits = [" and ".join(limit.text for limit in item.limits_of(name)) for item in (a, b)]
         if limits[0] != limits[1]:
-            raise InputError(f"the requirement is another: {limits[0]}, and {limits[1]}", key="diff")
+            raise InputError(f"the requirements differ: {limits[0]}, and {limits[1]}", key="diff")
 
 
 def _change(before: Envelope, after: Envelope, cells: tuple[int, int], name: str, level: float) -> CellChange:

@@ -68,8 +68,8 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
     required = " and ".join(limit.text for limit in claim.limits_of(style.name))
     caption = (
         f"{required}. Cells that hold are dots, those that fail crosses, undecided ones rings; the small ones were "
-        "added near the border. What is claimed is the cells. Between them an area is coloured by its three cells "
-        "where they are alike; where they are not, it is grey, and the border in it is interpolated."
+        "added near the border. Only the cells are claimed. An area between three cells has their colour if they are "
+        "alike; else it is grey, and the border in it is interpolated."
     )
     return Figure(
         f"map-{_file(style.name)}-{_names(parts)}",
@@ -105,7 +105,7 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
     return Figure(
         f"borders-{_names(parts)}",
         f"Borders over {parts[0].across.name} and {parts[0].up.name}",
-        "Where each tracker stops to meet its requirement, interpolated; the band is the area between cells that are "
+        "Where each tracker stops meeting its requirement, interpolated; the band is the area between cells that are "
         "not alike or are undecided." + left_out,
         f"The borders of {counted(len(styles), 'tracker')} over {parts[0].across.name} and {parts[0].up.name}",
         paint,

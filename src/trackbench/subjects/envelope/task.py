@@ -156,7 +156,7 @@ def task_of(loaded: Scenario) -> EnvelopeTask:
     chosen = select_trackers(loaded, [name for name in loaded.config.trackers if name in needed])
     for name, entry in chosen.config.trackers.items():
         if isinstance(entry, TracksConfig):
-            message = "its tracks were made elsewhere, and there are none of other cells"
+            message = "its tracks were made elsewhere, and there are none for other cells"
             raise loaded.locate(InputError(message, key=f"trackers.{name}.use"))
     return EnvelopeTask(chosen, config, axes_of(config), tuple(requirements), _extents(chosen, config))
 

@@ -100,13 +100,13 @@ class ScanSource:
 OF_RUN = {
     "scene": "number of the scene, from 0",
     "run": "number of the Monte-Carlo run within the scene, from 0",
-    "fingerprint": "of all measurements of the run; goes back with the tracks",
+    "fingerprint": "fingerprint of all measurements of the run; copy it into the file of tracks",
 }
 OF_SCAN = {
     "scan": "number of the scan within the run, from 0, in the order in which a tracker gets them",
     "sensor": "name of the sensor",
     "time_s": "when the measurement was taken",
-    "arrival_time_s": "when it reaches the tracker",
+    "arrival_time_s": "when the measurement reaches the tracker",
     "sensor_x_m": "of the sensor in the fixed frame",
     "sensor_y_m": "of the sensor in the fixed frame",
     "sensor_yaw_rad": "direction of the boresight, counter-clockwise from the x axis",
@@ -114,8 +114,8 @@ OF_SCAN = {
     "sensor_vy_mps": "of the sensor in the fixed frame",
 }
 OF_HIDDEN = {
-    "detection_probability": "that the sensor states of an object in its field of view; 0 while silent",
-    "clutter_density": "false alarms that it states, per scan and unit volume of the measurement space",
+    "detection_probability": "probability stated by the sensor for an object in its field of view; 0 while silent",
+    "clutter_density": "false alarms stated by the sensor, per scan and unit volume of the measurement space",
     "detection": "number of the detection within the scan, from 0; empty in a scan without one",
 }
 OBJECT = {"object": "name of the object"}
@@ -123,10 +123,10 @@ VALID = {"valid": "1: the row has a measurement; 0: the sensor looked and detect
 
 TRUTH = {
     "scene": OF_RUN["scene"],
-    "run": "number of the run where motion is drawn anew in each; empty where it is the same in all",
+    "run": "number of the run if the motion differs by run; empty if it is the same in all runs",
     "time_s": "from the beginning of the scene",
     "object": OBJECT["object"],
-    "target": "1: tracks of it are wanted; 0: it may be tracked and need not be",
+    "target": "1: the object should be tracked; 0: it may be tracked and need not be",
     "x_m": "of the centre in the fixed frame",
     "y_m": "of the centre in the fixed frame",
     "heading_rad": "of the body, counter-clockwise from the x axis",

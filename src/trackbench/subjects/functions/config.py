@@ -74,7 +74,7 @@ def _rate_problems(scenario: Any) -> Iterator[Problem]:
         return
     fastest = max(stated, key=lambda name: stated[name])
     if stated[fastest] < SLOWEST_DECISIONS:
-        why = "functions decide when a sensor measures, so that a slower one is never late"
+        why = "a function decides only when a sensor measures, so a slow one hides delays"
         message = (
             f"{stated[fastest]:g} Hz, and no sensor that is read is faster: {why}; use {SLOWEST_DECISIONS:g} or more"
         )

@@ -26,7 +26,7 @@ class FollowingDistance(Function):
 
     headway_s: Positive = Field(0.8, description="Headway below which it is active, s.")
 
-    range_m: Positive = Field(150.0, description="Largest gap of a lead, m.")
+    range_m: Positive = Field(150.0, description="Largest gap to a lead, m.")
 
     def decide(self, ego: Ego, objects: Objects) -> Decision:
         positions = on_path(ego, objects)

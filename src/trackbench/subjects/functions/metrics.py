@@ -79,10 +79,10 @@ class WarnDelay(FunctionMetric):
     better, at_least = None, -np.inf
     fields = (
         Field("p05", "time that 5 % of the delays are below", unit="s"),
-        Field("p50", "time that half of them are below", unit="s"),
-        Field("p95", "time that 95 % of them are below", unit="s"),
+        Field("p50", "time that half of the delays are below", unit="s"),
+        Field("p95", "time that 95 % of the delays are below", unit="s"),
         Field("early", "mean of the delays below 0", unit="s"),
-        Field("late", "mean of those above 0", unit="s"),
+        Field("late", "mean of the delays above 0", unit="s"),
         Field("missing", "share of events without an answer, whose delay is to the impact, or to 0.5 s after the end"),
     )
 
@@ -126,7 +126,7 @@ class QuantityError(FunctionMetric):
 
 class LeadErrors(FunctionMetric):
     stem, total, count, unit, at_most = "lead_errors", "wrong_lead", "leads", "1", 1.0
-    meaning = "share of the instants with a lead at which that on the tracks is not that on the truth"
+    meaning = "share of the instants with a lead at which the tracks show another lead than the truth"
     missing = "there is never a lead"
 
 

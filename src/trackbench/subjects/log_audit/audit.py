@@ -193,14 +193,14 @@ def _audit_recording(loaded: Scenario, recorded: Recorded, progress: Progress) -
 def _read_recording(loaded: Scenario) -> Recorded:
     truth = own_source(loaded)
     if not isinstance(truth, RecordingTruth):
-        message = "an audit holds recorded measurements against a recorded truth: truth: {source: recording, ...}"
+        message = "an audit compares recorded measurements with a recorded truth: write truth: {source: recording, ...}"
         if loaded.config.truth.source == "recorded-traffic":
             message += "; `trackbench check` says what recorded traffic implies"
         raise loaded.locate(InputError(message, key="truth.source"))
     kinds = {name: sensor.type for name, sensor in loaded.config.sensors.items()}
     try:
         if truth.without_truth:
-            raise InputError("missing: an audit holds the measurements against a truth", key="truth.path")
+            raise InputError("missing: an audit compares the measurements with a truth", key="truth.path")
         if truth.number_of_logs > 1:
             message = f"an audit looks at one log, and these are {truth.number_of_logs}; name one file"
             raise InputError(message, key="truth.path")
@@ -221,7 +221,7 @@ def _with_squares(audit: LogAudit, recorded: Recorded) -> LogAudit:
     """Add each sensor's mean square error before and after the corrections; drop corrections that are invalid."""
     findings = audit.findings
     if audit.changes and _is_refused(audit.scenario, findings):
-        no_fix = "No sensor is so: look for what else is wrong with the log first."
+        no_fix = "No real sensor has such errors: look for another fault of the log first."
         findings = tuple(
             replace(finding, changes={}, fix=no_fix)
             if finding.changes and _is_refused(audit.scenario, (finding,))

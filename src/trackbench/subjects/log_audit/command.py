@@ -17,7 +17,7 @@ FOUND = 1
 
 @click.command("audit")
 @click.argument("log", type=click.Path(path_type=Path), metavar="LOG")
-@out_option("Folder of the files.  [default: results/audit/NAME]")
+@out_option("Folder for the files.  [default: results/audit/NAME]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and nothing else.")
 def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
     """Find what is wrong with a log, and put it right.

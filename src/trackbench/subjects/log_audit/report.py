@@ -104,7 +104,7 @@ def _hidden_errors(item: SensorAudit) -> Iterator[str]:
     for name, others in item.fit.unidentified.items():
         if others:
             rivals = " and ".join(error_words(other) for other in others)
-            yield f"{error_words(name)}: not to be told from {rivals}, so taken as zero."
+            yield f"{error_words(name)}: cannot be told from {rivals}, so taken as zero."
         else:
             yield f"{error_words(name)}: it changes none of these measurements."
 
@@ -125,7 +125,7 @@ def noise_table(audit: LogAudit) -> Table:
     columns = (
         Column("sensor", left=True),
         Column("component", left=True),
-        Column("sigma", "of what the errors that were found leave", details=_INTERVAL),
+        Column("sigma", "of the noise that remains after the errors found", details=_INTERVAL),
         Column("stated"),
     )
     return Table("noise", columns, tuple(map(tuple, rows)))
@@ -178,7 +178,7 @@ def errors_table(item: SensorAudit) -> Table:
     """Return the table of the errors of a sensor's joint fit."""
     assert item.fit is not None
     estimates = item.fit.estimates.values()
-    effect = Column("effect, sigma", "RMS of what it does to a measurement")
+    effect = Column("effect, sigma", "RMS change of a measurement")
     columns = [
         (Column("error", left=True), [Cell(error_words(estimate.name)) for estimate in estimates]),
         (

@@ -46,14 +46,14 @@ def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None])
             "clock": (
                 order.backwards and back > 0.5 * (periods.get(clock.name) or 0.0),
                 "time runs backwards",
-                f"{order.backwards} of {rows} are earlier than one before them, by up to {quantity_text(back, 's')}.",
+                f"{order.backwards} of {rows} are earlier than a row before them, by up to {quantity_text(back, 's')}.",
                 "The rows are read in the order of their times. If the clock was set while it ran, split the log "
                 "there: the time offset differs before and after.",
             ),
             "duplicates": (
                 order.duplicates,
                 "rows are repeated",
-                f"{order.duplicates} of {rows} are of an object and a time that came before.",
+                f"{order.duplicates} of {rows} repeat the object and time of an earlier row.",
                 "The first of them is read. Remove the others, or give each detection its own time.",
             ),
         }
@@ -103,7 +103,7 @@ def ego_findings(loaded: Scenario, recorded: Recorded, sensors: Mapping[str, Sen
     ratio = _error_ratio(sensors, sensor_logs(loaded, (truth, replace(drive, observer=turned))))
     if ratio > CLEARLY:
         yield _ego_finding(
-            "yaw", yaw_unit, f"The errors of the sensors are {ratio:.2g} times as large as read (median)."
+            "yaw", yaw_unit, f"As read, the errors of the sensors are {ratio:.2g} times as large (median)."
         )
     elif motion.yaw_rate is not None:
         yaw_slope, rate = slope(np.unwrap(motion.heading), motion.time), motion.yaw_rate

@@ -44,7 +44,7 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
         names = Opening.__dataclass_fields__
         opening = Opening(**{name: options.pop(name) for name in names})
         if opening.at_s is not None and opening.worst is not None:
-            raise click.UsageError("--at and --worst are two times: give one of them")
+            raise click.UsageError("--at and --worst both choose a time: give one of them")
         if opening.function is not None and opening.worst is None:
             raise click.UsageError("--function chooses whose worst events count: give --worst with it")
         command(*arguments, opening=opening, **options)

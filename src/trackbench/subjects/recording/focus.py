@@ -162,7 +162,7 @@ def _require_tracker_fits(result: Result, opening: Opening, tracker: str) -> Non
         if failed is not None:
             raise InputError(f"{tracker} failed, so it has no tracks: {failed}", key="--tracker")
     elif opening.worst is None:
-        raise InputError("names whose worst moments are meant: give --worst with it", key="--tracker")
+        raise InputError("chooses whose worst moments are shown: give --worst with it", key="--tracker")
 
 
 def costly_events(result: Result, tracker: str | None, vehicle: str | None) -> list[TrackEvent]:

@@ -34,7 +34,7 @@ def inspect(path: Path, opening: Opening, console: Console) -> None:
         InputError: the run cannot be read, or lacks the time, tracker, vehicle or function.
     """
     if opening.vehicle is not None and opening.worst is None:
-        raise InputError("names whose worst moments are meant: give --worst with it", key="--vehicle")
+        raise InputError("chooses whose worst moments are shown: give --worst with it", key="--vehicle")
     result = read(path).result
     moments = worst_moments(result, opening)
     summary = result.summary
@@ -57,7 +57,7 @@ def inspect(path: Path, opening: Opening, console: Console) -> None:
         print_table(table, console)
     for failed in (tracker for tracker in summary.trackers if tracker.failed is not None):
         console.print(f"{failed.name} failed: {failed.failed}")
-    if moments:
+    if moments and summary.has_recording:
         chosen = {name: getattr(opening, name) for name in ("tracker", "vehicle", "function")}
         options = "".join(f" --{name} {value}" for name, value in chosen.items() if value is not None)
         console.print(f"\ntrackbench view {path} --worst{options}", style="dim", soft_wrap=True)

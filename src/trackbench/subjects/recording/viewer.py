@@ -192,14 +192,14 @@ def playable(path: Path, opening: Opening) -> Iterator[tuple[Path, float | None]
     examined = path / RECORDING if path.is_dir() else path
     if examined.is_file() and (examined.parent / EXAMINATION).is_file():
         if opening != Opening(at_s=opening.at_s):
-            raise InputError("an examination has one target and is not scored by moments: give --at", file=path)
+            raise InputError("an examination has no worst moments: give --at", file=path)
         yield examined, opening.at_s
         return
     run = read(path)
     focus = focus_of(run.result, opening)
     is_centred, is_alone = focus.vehicle is not None or focus.tracker is not None, not path.is_dir()
     if is_alone and is_centred and opening.worst is None:
-        raise InputError("a recording without its folder is shown as it is: name the folder of the run", file=path)
+        raise InputError("without its folder a recording cannot be centred: name the folder of the run", file=path)
     time_s = moment_of(run.result).time_s if focus == Focus() else focus.time_s
     if run.recording is not None and (is_alone or not is_centred):
         yield run.recording, time_s

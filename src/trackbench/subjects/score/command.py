@@ -34,11 +34,11 @@ from trackbench.cli.terminal import quiet_option
 )
 @click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="Limit: gospa:0.8, or relative gospa:2%.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
-@out_option("The result's folder is made in it.", "results")
+@out_option("Folder in which the result's folder is made.", "results")
 @artifact_options
 @junit_option("Write the gates as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result and its gates as JSON, and nothing else.")
-@quiet_option("One line, and what failed.")
+@quiet_option("Print one line, and what failed.")
 def score_command(
     tracks: tuple[Path, ...],
     truth: tuple[Path, ...],

@@ -162,7 +162,7 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
     for key, text in options.columns:
         if _column_name(text, names) in names and stated.setdefault(key, text) != text:
             raise InputError(
-                f"{key} is both {stated[key]!r} and {text!r}, and this file has both", file=file, key="--map"
+                f"{key} is mapped to {stated[key]!r} and {text!r}, and this file has both", file=file, key="--map"
             )
     try:
         known = column_layout(names, stated)

@@ -61,7 +61,7 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, isol
     tracker_served = load_served(load_scenario(path), name, isolation)
     log_to_stderr(ctx, "trackbench.subjects.serve", logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%X"))
     for kind in {"lidar", "radar"} - set(tracker_served.sensors):
-        click.echo(f"{path} has no {kind}: such measurements are passed over", err=True)
+        click.echo(f"{path} has no {kind}: such measurements are ignored", err=True)
 
     def ready(address: str, actual: int) -> None:
         shown = f"[{address}]" if ":" in address else address

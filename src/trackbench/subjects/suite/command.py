@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from trackbench.subjects.suite.make import EntryMaker
 
 workers_option = click.option(
-    "--workers", type=WORKERS, metavar="N", help="Processes; one a core if it pays. Same result."
+    "--workers", type=WORKERS, metavar="N", help="Processes; default: one per core if faster. Same result."
 )
 suite_option = click.option("--suite", type=click.Path(path_type=Path), metavar="FILE", help="File of your own suite.")
-cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
+cluster_option = click.option("--cluster", metavar="ADDRESS", help="Dask cluster: tcp://HOST:PORT or local:N.")
 
 
 @click.group("suite")
@@ -58,7 +58,7 @@ def list_command(argument: str | None) -> None:
 
     if argument is None:
         for name in shipped_suites():
-            print_answer(f"{name:18}  {find_suite(name).stated.title}")
+            print_answer(f"{name:18}  {find_suite(name).stated.title}\n{'':18}  trackbench suite list {name}")
         return
     suite = find_suite(argument)
     stated = suite.stated
@@ -76,12 +76,12 @@ def list_command(argument: str | None) -> None:
 @click.argument("argument", metavar="ID")
 @click.argument("trackers", nargs=-1, required=True, metavar="TRACKER...")
 @click.option("--only", metavar="A,B", help="Only these scenarios: ids, single, traffic, smoke.")
-@out_option("Each entry gets a folder in it.", "entries")
+@out_option("Folder in which each entry gets a folder.", "entries")
 @workers_option
 @cluster_option
 @isolation_options
 @artifact_options
-@quiet_option("Only the folders of the entries.")
+@quiet_option("Print only the folders of the entries.")
 def run_command(
     argument: str,
     trackers: tuple[str, ...],

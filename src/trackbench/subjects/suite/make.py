@@ -161,7 +161,7 @@ class EntryMaker:
 
         rows = rows_of_estimates(tracks)
         if rows.fingerprint is None or rows.run is None:
-            raise InputError("there are no columns run and fingerprint, which come back from the scans", file=tracks)
+            raise InputError("the columns run and fingerprint are missing; copy them from the scans", file=tracks)
         scored_estimates(item, self.tracker.name, tracks, truths, self.executor)
         return parquet.read_table(tracks) if tracks.suffix == ".parquet" else csv.read_csv(tracks)
 

@@ -76,10 +76,10 @@ def merged_entries(places: Sequence[Path], suite: Path | None = None) -> MergedE
             raise InputError(problem, file=stored.folder)
         if stored.entry.suite != first.entry.suite:
             other = f"is of {_title(stored)}, and {first.folder} of {_title(first)}"
-            raise InputError(f"{other}: one suite in one version is merged", file=stored.folder, key="suite")
+            raise InputError(f"{other}: all entries must be of one suite", file=stored.folder, key="suite")
         name = stored.entry.tracker.name
         if name in folders:
-            message = f"{folders[name]} has the same name {name!r}; name one otherwise"
+            message = f"{folders[name]} has the same name {name!r}; rename one of them"
             raise InputError(message, file=stored.folder, key="tracker.name")
         folders[name] = stored.folder
     if first.suite.identity != first.entry.suite.model_dump():

@@ -111,12 +111,12 @@ class SuiteScenario:
     def why_other_truth(self, truths: Sequence[LoadedTruth]) -> str | None:
         """Return why truths differ from the suite's, or None if they are equal."""
         digest = digest_of(scene_fingerprint(item.truth, item.measurements) for item in truths)
-        return None if digest == self.stated.truth else "moves otherwise here than the suite states: another simulator?"
+        return None if digest == self.stated.truth else "has another motion than in the suite: another simulator?"
 
     def why_other_scans(self, fingerprints: Sequence[str]) -> str | None:
         """Return why the rounded fingerprints of measurements differ from the suite's, or None if they are equal."""
         is_other = digest_of(fingerprints) != self.stated.scans
-        return "is measured otherwise here than the suite states: another version?" if is_other else None
+        return "has other measurements than in the suite: another version?" if is_other else None
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ class EnteringTracker:
             folder, ids = self.folder / self.stated.tracks, chosen[0].suite.scenarios
             for file in sorted(folder.glob("*")):
                 if file.suffix in ENDINGS and file.stem not in ids:
-                    raise InputError(f"is named as no scenario; {nearest_choices(file.stem, ids)}", file=file)
+                    raise InputError(f"not the id of a scenario; {nearest_choices(file.stem, ids)}", file=file)
             entered = [item for item in chosen if self.tracks_of(item) is not None]
             message = f"there is no file of tracks in {folder}, such as {chosen[0].id}.csv"
         else:

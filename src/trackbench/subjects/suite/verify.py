@@ -137,10 +137,10 @@ class Verifier:
         """Compare the tracker's code, and the estimates of a second run of some scenes, if the tracker is available."""
         tracker = self.stored.entry.tracker
         if tracker.made == "tracks":
-            yield Check("on trust", "rerun", "a program that is not here made the tracks, of whatever it knew")
+            yield Check("on trust", "rerun", "the tracks were made by a program that is not here")
             return
         if tracker.random:
-            yield Check("on trust", "rerun", "the tracker says that it draws random numbers, so no run comes again")
+            yield Check("on trust", "rerun", "the tracker says that it draws random numbers, so no run can be repeated")
             return
         loaded = {
             item.id: scenario.loaded({tracker.name: tracker.options[scenario.kind]}, self.stored.folder)
@@ -211,10 +211,11 @@ def _score_problems(stated: Result, scored: Result) -> Iterator[str]:
     include: Any = {"trackers": {"__all__": SCORED_FIELDS}, **dict.fromkeys((*SCENARIO_KEYS, *SCORE_KEYS), True)}
     values, scores = (result.summary.model_dump(mode="json", include=include) for result in (stated, scored))
     for key, value, score in differing(values, scores, ROUNDING):
-        # Another version may describe the same truth and sensors in other words.
-        is_wording = isinstance(value, str) and isinstance(score, str) and key.startswith(SCENARIO_KEYS)
+        # Another version may describe the same truth and sensors, or why a value is missing, in other words.
+        is_text = isinstance(value, str) and isinstance(score, str)
+        is_wording = is_text and (key.startswith(SCENARIO_KEYS) or key.endswith(".reason"))
         if not is_wording and key != "truth.cached":
-            yield f"result.json: {key}: {value} is stated, {score} comes of the estimates"
+            yield f"result.json: {key}: the file has {value}, and the estimates give {score}"
     for name in COMPARED_TABLES:
         if (problem := table_difference(stated.tables.if_there(name), scored.tables.if_there(name))) is not None:
             yield f"{name}.parquet: {problem}"

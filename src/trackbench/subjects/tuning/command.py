@@ -27,19 +27,19 @@ from trackbench.scenario.shipped import files_of_scenarios
 
 @click.command("tune")
 @scenarios_argument
-@click.option("--trackers", metavar="A,B", help="Tune these.  [the only one with options]")
+@click.option("--trackers", metavar="A,B", help="Trackers to tune.  [the only one with options]")
 @click.option(
-    "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
+    "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="Option and range, or KEY=A,B,C; repeatable."
 )
 @click.option(
     "--objective",
     metavar="NAME",
-    help="likelihood, position_rmse, tgospa, or a metric of the scenario.  [tgospa with hidden identities and a "
-    "truth, else likelihood]",
+    help="What to optimise: likelihood, position_rmse, tgospa, or a metric of the scenario.  [tgospa with "
+    "hidden identities and a truth, else likelihood]",
 )
 @click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="Number of sets of values to try.")
 @click.option(
-    "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="SQLite file of the trials."
+    "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="File that keeps the trials."
 )
 @click.option("--train-scenes", type=click.IntRange(1, 1000), metavar="N", help="Number of scenes for tuning.")
 @click.option("--test-scenes", type=click.IntRange(1, 1000), metavar="N", help="Number of scenes for the test.")
@@ -53,11 +53,11 @@ from trackbench.scenario.shipped import files_of_scenarios
     metavar="PATH",
     help="File of the scenario with the tuned values, or a folder.  [tuned.yaml; for several the folder tuned]",
 )
-@click.option("--workers", type=WORKERS, metavar="N", default=1, help="Processes; same result.")
+@click.option("--workers", type=WORKERS, metavar="N", default=1, help="Number of processes; same result.")
 @engine_option
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
-@quiet_option("The verdict on each tracker alone.")
+@quiet_option("Print only the verdict on each tracker.")
 @verbose_option
 def tune_command(
     scenarios: tuple[Path, ...],
@@ -78,9 +78,9 @@ def tune_command(
 ) -> None:
     """Find the options with which trackers do best.
 
-    Each tracker is tuned by itself, with one set of values for all scenarios, on some scenes and noise. The values are
-    then compared with its start on other scenes and noise. Writes the scenario with the tuned values, a report and all
-    numbers. An interrupted search goes on where it was if its trials are kept in a --storage.
+    Each tracker is tuned by itself, with one set of values for all scenarios. The tuned values are then compared with
+    the scenario's values on other scenes and noise. Writes the scenario with the tuned values, a report and all
+    numbers. With --storage an interrupted search goes on where it was.
 
     \b
     Examples:

@@ -71,9 +71,9 @@ def halved(loaded: Scenario, split: Split) -> Halves:
     several = "seeds" in type(config.truth).model_fields
     logs = same_every_run(config) and number_of_parts(config) > 1
     if not several and (split.train_scenes is not None or split.test_scenes is not None):
-        problem = f"{config.name} has one scene; tuning on others is for truths with seeds"
+        problem = f"{config.name} has one scene; other scenes need a truth with seeds"
         if logs:
-            problem = f"every second log of {config.name} is held out; their number is no choice"
+            problem = f"every second log of {config.name} is held out; their number cannot be chosen"
         raise InputError(problem, key="--train-scenes" if split.train_scenes is not None else "--test-scenes")
     test_seed = config.monte_carlo.seed
     train_seed = test_seed + 1

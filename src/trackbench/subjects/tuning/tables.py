@@ -39,7 +39,7 @@ def held_out_table(item: Tuning, name: str = "") -> Table:
         *([(Column("scenario", left=True), [Cell(row.scenario) for row in rows])] if len(item.scenarios) > 1 else []),
         (Column("start"), [Cell(rounded(row.start.value, _decimals(row))) for row in rows]),
         (Column("tuned"), [Cell(rounded(row.tuned.value, _decimals(row))) for row in rows]),
-        (Column("difference", "With its 95 % interval, from the same runs."), [_difference(row) for row in rows]),
+        (Column("difference", "Paired difference with its 95 % interval."), [_difference(row) for row in rows]),
         (
             Column("verdict", left=True),
             [Cell(difference_word(row.verdict), tone=_TONES.get(row.verdict, "")) for row in rows],

@@ -108,7 +108,7 @@ def tune_tracker(
     if best is None:
         raise InputError(f"{task.tracker}: every trial failed; the first: {made[0].failed}", key="--range")
 
-    progress(total, total, "now on what is held out")
+    progress(total, total, "now on the held-out data")
     held_out = Evaluator(test, task.tracker, executor, isolation, evaluator.engine, 1, *measured)
     return Tuning(
         **vars(task),

@@ -214,12 +214,12 @@ class ReferenceOptions(Config):
         None,
         min_length=1,
         description="Classes that count, as they stand in columns.class or in the format, whatever their case; all "
-        "unless given. Objects of others hide what is behind them.",
+        "unless given. Objects of other classes still hide what is behind them.",
     )
     others: Literal["ignored"] | None = Field(
         None,
-        description="ignored: tracks on no object are nobody's business, as where one car of many has a reference. "
-        "Missed objects, positions and switches are scored; what counts false tracks is n/a. False unless given.",
+        description="ignored: tracks on no object do not count, as where only one car of many is in the truth. Missed "
+        "objects, positions and switches are scored; metrics of false tracks are n/a. Default: they are false tracks.",
     )
 
     @property

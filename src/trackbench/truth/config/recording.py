@@ -52,7 +52,7 @@ class ReferenceTruth(TruthSource):
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
     length_m: Positive = Field(4.5, description="Length of every object of which the file does not state it, m.")
     width_m: Positive = Field(1.8, description="Width of every object of which the file does not state it, m.")
-    reference: ReferenceOptions = Field(default_factory=ReferenceOptions, description="What of the truth counts.")
+    reference: ReferenceOptions = Field(default_factory=ReferenceOptions, description="Which objects are scored.")
     stretches: int | None = Field(
         None,
         ge=2,
@@ -211,7 +211,7 @@ class RecordingOptions(ReferenceTruth):
             yield Problem(("path",), f"missing: the file {what}")
             return
         if "reference" in self.model_fields_set:
-            yield Problem(("reference",), "is of a truth, and there is none; remove")
+            yield Problem(("reference",), "only used with a truth, and there is none; remove")
         if not self.measurements:
             yield Problem(("path",), "missing: the file with the truth; without a truth, readings name measurements")
         for name, entry in self.measurements.items():

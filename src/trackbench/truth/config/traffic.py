@@ -90,8 +90,8 @@ class TrafficOptions(TruthSource, OptionsBeside):
     )
     smoothing: Smoothing | None = Field(
         None,
-        description="How positions are smoothed. As they are unless given: speed and heading are the file's, where it "
-        "has them.",
+        description="Smoothing of the positions. Default: none; speed and heading are then the file's, where it has "
+        "them.",
     )
     audit: Literal["refuse", "repair"] = Field(
         "refuse",

@@ -168,7 +168,7 @@ class Effect(Config, ABC):
 def _lacks(plugin: Any) -> str | None:
     lacking = lacks_class(Effect)(plugin)
     if lacking is None and not any(map(plugin.has, ("before", "after", "alarms"))):
-        return "it has none of before, after and alarms"
+        return "it has no method before, after or alarms"
     return lacking
 
 

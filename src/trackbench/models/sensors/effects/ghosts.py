@@ -50,7 +50,7 @@ class Ghosts(Effect):
     def problems(self) -> Iterator[Problem]:
         for i, (start, end) in enumerate(pairwise(self.wall)):
             if start == end:
-                yield Problem(("wall", i + 1), "is where the corner before it is; remove one of them")
+                yield Problem(("wall", i + 1), "is the same point as the corner before it; remove one of them")
 
 
 def _images(sensed: Sensed, start: Array, end: Array) -> tuple[Array, Mask]:

@@ -50,7 +50,7 @@ class Interference(Effect):
         if self.alarms_per_scan and not sensor.has_volume():
             yield Problem(("alarms_per_scan",), f"a {sensor.kind()} has no uniform clutter; remove it")
         elif self.alarms_per_scan and sensor.max_range_m is None:
-            yield Problem(("alarms_per_scan",), "needs a field of view that ends: state max_range_m of the sensor")
+            yield Problem(("alarms_per_scan",), "needs a limited range: state max_range_m of the sensor")
 
     def _draw_bursts(self, time: Array, random: np.random.Generator) -> Mask:
         begin, end = time[0] - LONGEST_BURST * self.duration_s, time[-1]

@@ -101,15 +101,15 @@ class JudgedDrive(NamedTuple):
     faults={
         "too_far_off": KnownFault(
             "the estimate is too far off",
-            "In the named drive at the named time; first at the checks that fail besides.",
+            "First at the other checks that failed; then in the named drive at the named time.",
             "Run that drive (the report shows it), and compare the predicted with the measured values at that time.",
             Role("driven", rank=49, drive="manoeuvre"),
         ),
         "covariance_unbelievable": KnownFault(
             "the stated covariance does not fit the errors",
             "At Q and R, and at what happens to the covariance in the named drive at the named time.",
-            "Compare the variance that is stated with the squared errors; what is not predicted has to add its share "
-            "to it.",
+            "Compare the variance that is stated with the squared errors; whatever is not predicted must add its "
+            "share to that variance.",
             Role("driven", drive="long_gap"),
         ),
     },
@@ -255,7 +255,7 @@ def _covariance_unbelievable(judged: list[JudgedDrive]) -> Finding | None:
 
 def _compare_with_errors(nees: float) -> str:
     if nees <= 0.0:
-        return "as of no positive definite covariance"
+        return "as if the covariance were not positive definite"
     ratio, words = (np.sqrt(nees / 2.0), "smaller") if nees > 2.0 else (np.sqrt(2.0 / nees), "larger")
     return f"the stated standard deviations are {ratio:.3g} times {words} than the errors"
 

@@ -65,7 +65,7 @@ TARGETS = 3
     of_filters=True,
     faults={
         "predicted_covariance_wrong": KnownFault(
-            "the predicted covariance does not follow from the one before",
+            "the predicted covariance does not follow from the previous one",
             "Where the covariance is predicted and stored.",
             "P = F P F^T + Q, or the spread of the moved points about their own mean plus Q, at every scan, missed "
             "ones too.",
@@ -79,7 +79,7 @@ TARGETS = 3
             Role("motion", rank=21, drive="uneven_steps"),
         ),
         "gain_inconsistent": KnownFault(
-            "the gain is not that of the tracker's own covariance and the stated models",
+            "the gain does not follow from the tracker's own covariance and the stated models",
             "Where the gain is computed and applied to the mean, and where its covariances are summed over sigma "
             "points or samples.",
             "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move the "
@@ -87,7 +87,7 @@ TARGETS = 3
             Role(rank=40, drive="tangential_pass"),
         ),
         "covariance_update_wrong": KnownFault(
-            "the updated covariance is not that of the applied gain",
+            "the updated covariance does not follow from the applied gain",
             "Where the covariance is updated after a measurement.",
             "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
             "moves the mean.",
@@ -96,7 +96,7 @@ TARGETS = 3
         "update_not_kept": KnownFault(
             "the next prediction does not start from the returned estimate",
             "Where the updated mean and covariance are stored.",
-            "Store what is returned: a local x or P, or a copy that is changed, is not the tracker's.",
+            "Store the returned mean and covariance; a local x or P, or a changed copy, is not the tracker's.",
             Role(rank=14, drive="own_model"),
         ),
         "sigma_points_not_redrawn": KnownFault(
@@ -124,7 +124,7 @@ def equations(tracker: TrackerUnderTest) -> PartResult:
         harm = tracker.once(harmless)
         if harm is not None:
             return PartResult().add(
-                "equations", True, f"not by what is stated, and no harm: {harm}; {findings[0].evidence}"
+                "equations", True, f"not with the stated covariance, but harmless: {harm}; {findings[0].evidence}"
             )
     text = findings[0].evidence if findings else f"they hold at {answers.targets} targets"
     return PartResult().add("equations", not findings, text, *findings)
@@ -232,7 +232,7 @@ def _spread_about_old_mean(held: OwnFilter, noises: Array, *means: Array) -> Fin
         return None
     text = (
         f"a prediction of a covariance of zero adds the square of the motion itself, {shares[0]:.3g} times over "
-        f"{TIMES[0]:g} s and {shares[1]:.3g} times over {TIMES[-1]:g} s: the spread is that about the mean before it"
+        f"{TIMES[0]:g} s and {shares[1]:.3g} times over {TIMES[-1]:g} s: the spread is about the unpredicted mean"
     )
     return Finding("predicted_covariance_wrong", 0.95, text)
 

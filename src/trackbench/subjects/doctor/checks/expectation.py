@@ -32,7 +32,7 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
 @doctor_check(
     Question(
         "expectation",
-        "Is the right measurement predicted for the own estimate?",
+        "Is the right measurement predicted for the tracker's own estimate?",
         "Does the tracker predict the right measurement of {sensor} for its own estimate?",
         each_sensor=True,
     ),
@@ -87,7 +87,7 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
             "the sensor's own pose or velocity is left out",
             "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
             "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
-            "target's velocity. A velocity that is kept or returned in the sensor's frame looks the same.",
+            "target's velocity. A velocity that is kept or returned in the sensor's frame gives the same symptom.",
             Role("ego", rank=10, drive="moving_observer"),
         ),
         "ego_motion_wrong": KnownFault(
@@ -100,14 +100,13 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
         "sensor_pose_ignored": KnownFault(
             "the pose of a sensor that stands still is left out",
             "Where measurements are converted to the fixed frame, and where they are predicted.",
-            "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, of the observer and the "
-            "mounting together.",
+            "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, observer and mounting combined.",
             Role("exact ego", rank=11, drive="stationary"),
         ),
         "measurement_ignored": KnownFault(
-            "the measurements of a sensor, or a component of them, move nothing",
-            "Of all of them, where the tracker chooses its update by the sensor's name or kind, and gates; of one "
-            "component, where the gain is computed.",
+            "measurements of a sensor, or one of their components, do not move the estimate",
+            "For all measurements: where the tracker chooses its update by the sensor's name or kind, and gates. For "
+            "one component: where the gain is computed.",
             "Compare scan.kind with the right word, and let no column of the gain be zero.",
             Role("exact", rank=28, drive="manoeuvre"),
         ),
@@ -191,8 +190,8 @@ def _unused_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
     unit = np.linalg.solve(trial.jacobian[of_position, :2], direction)
     unit = unit / np.linalg.norm(unit)
     text = (
-        f"of the position that {sensor} measures one component moves nothing, that along ({unit[0]:.3g}, "
-        f"{unit[1]:.3g}) for {trial.description}: the gain has one direction alone ({len(lost)} trials)"
+        f"one component of the position from {sensor} moves nothing, the one along ({unit[0]:.3g}, "
+        f"{unit[1]:.3g}) for {trial.description}: the gain has one direction only ({len(lost)} trials)"
     )
     return Finding("measurement_ignored", 0.96, text, sensor=sensor, shown_by=trial.name)
 

@@ -27,7 +27,7 @@ def merge_wrong_gains(result: PartResult, tracker: TrackerUnderTest) -> PartResu
     wrong = [finding for finding in result.findings if finding.fault == "jacobian_wrong"]
     if len(wrong) < 2 or len(wrong) < len(tracker.sensors):
         return result
-    text = f"the gains of all sensors are wrong; as if of a wrong Jacobian, {wrong[0].evidence}"
+    text = f"the gains of all sensors are wrong, as with a wrong Jacobian: {wrong[0].evidence}"
     of_sensors = replace(wrong[0], fault="gain_inconsistent", sensor=None, evidence=text)
     return PartResult(result.checks, [of_sensors, *(finding for finding in result.findings if finding not in wrong)])
 
@@ -43,9 +43,7 @@ def excuse_inflation(tracker: TrackerUnderTest, result: PartResult) -> PartResul
     everywhere = len(sizes) == len(result.findings) == len(tracker.sensors) > 1
     if not everywhere or np.ptp(sizes) > SAME_FACTOR * sizes.min() or (harm := tracker.once(harmless)) is None:
         return result
-    text = (
-        f"the returned covariance is {np.median(sizes):.3g} times that of which the gains are made, and no harm: {harm}"
-    )
+    text = f"the returned covariance is {np.median(sizes):.3g} times the one used for the gains, and harmless: {harm}"
     return PartResult([replace(check, passed=True, result=text) for check in result.checks])
 
 
@@ -113,7 +111,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
         name = f"gain.{sensor}"
         answers = tracker.once(equation_answers)
         if sensor in {finding.sensor for finding in answers.findings}:
-            result.add(name, None, "the equations of its updates do not hold, so that no model follows from them")
+            result.add(name, None, "the equations of its updates do not hold, so they imply no measurement model")
             continue
         if sensor in answers.right:
             result.add(name, True, "they are those of the covariance that the tracker keeps, and of the stated noise")
@@ -141,11 +139,11 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
         elif findings and _excusable(tracker, rows, findings) and (harm := tracker.once(harmless)) is not None:
             passed, findings = True, []
-            text = f"not a Kalman gain of the returned covariance and the stated noise, and no harm: {harm}; {text}"
+            text = f"not the Kalman gain of the returned covariance, which does no harm: {harm}; {text}"
         elif passed and ERRORS * np.nanmax(errors.direction) > DIRECTION:
             passed = None
             turned = f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%}"
-            text = f"{turned} (standard error of two answers): a smaller error of a row cannot be told from it; {text}"
+            text = f"{turned} (standard error of two answers): a smaller error of a row cannot be told apart; {text}"
         result.add(name, passed, text, *findings)
     return merge_wrong_gains(excuse_inflation(tracker, result), tracker)
 

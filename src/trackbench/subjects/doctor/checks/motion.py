@@ -46,13 +46,13 @@ DEFINITE = 1e-6
     faults={
         "motion_not_along_velocity": KnownFault(
             "the predicted position does not move as the velocity says",
-            "Where the predicted position is computed of the velocity, or of speed and course.",
+            "Where the predicted position is computed from the velocity, or from speed and course.",
             "px += vx dt and py += vy dt, in m and m/s, with vx = v cos(course) and vy = v sin(course) there and where "
             "the estimate is returned.",
             Role("exact motion", rank=11, drive="tangential_pass"),
         ),
         "velocity_not_kept": KnownFault(
-            "the velocity changes where nothing says so",
+            "the velocity changes without a reason in the motion model",
             "Where the transition is written out, and where the velocity is scaled, limited or smoothed after a step.",
             "Constant velocity leaves vx and vy as they are; a decay has to be exp(-dt / tau).",
             Role("exact motion", rank=11, drive="tangential_pass"),

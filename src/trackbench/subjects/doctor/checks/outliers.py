@@ -35,7 +35,7 @@ SHUT = 0.5
 
 
 @doctor_check(
-    Question("gate", "Are the measurements used that the tracker's own covariance lets expect?", misses=True),
+    Question("gate", "Are measurements used that are likely by the tracker's own covariance?", misses=True),
     place=160,
     of_filters=True,
     faults={

@@ -35,21 +35,21 @@ LEAST = 3
 
 
 @doctor_check(
-    Question("stated_covariance", "Is the covariance computed, and the one that gains are made of?", misses=True),
+    Question("stated_covariance", "Is the returned covariance computed, and the one used for the gains?", misses=True),
     place=40,
     of_filters=True,
     faults={
         "covariance_constant": KnownFault(
             "the covariance never changes",
             "Where the covariance is set and returned.",
-            "Compute it: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, with "
+            "Compute P: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, with "
             "fixed gains K too.",
             Role(rank=34, drive="long_gap"),
         ),
         "wrong_covariance_returned": KnownFault(
             "another matrix is returned for the covariance",
             "Where the estimate is returned.",
-            "Return the covariance P of the updated state: not Q or S, not a root or an inverse of P, not that before.",
+            "Return the covariance P of the updated state: not Q or S, not a root or an inverse of P, not an old P.",
             Role(rank=14, drive="own_model"),
         ),
     },
@@ -58,7 +58,7 @@ def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
     """Look whether the covariances change, and whether the gains are made of them."""
     if not any(tracker.trials.values()):
         return PartResult().add("stated_covariance", None, "there was no estimate to update")
-    rule = "it changes, and the gains tell of no other covariance"
+    rule = "it changes, and the gains imply no other covariance"
     return PartResult().add_evidence("stated_covariance", tracker.once(stated_covariance_fault), rule)
 
 

@@ -74,12 +74,12 @@ def require_runnable(tracker: TrackerUnderTest) -> None:
         "exception_raised": KnownFault(
             "a step raises an exception",
             "At the named line.",
-            "Give the named measurement to the tracker in a test, and make the step pass it; a missed one (scan.valid "
-            "is False) is to be predicted, unless --no-misses says that there is none.",
+            "Give the named measurement to the tracker in a test, and make the step pass it; predict at a missed one "
+            "(scan.valid is False), unless --no-misses says that there is none.",
             Role("exact", drive="uneven_steps"),
         ),
         "invalid_estimate": KnownFault(
-            "what a step returns is no estimate",
+            "a step returns something other than an estimate",
             "Where the step returns.",
             "Return (state, (mean, covariance)) with a mean (4,) and a covariance (4, 4) of finite size, or (state, "
             "None) before the track has started.",

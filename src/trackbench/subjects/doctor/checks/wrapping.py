@@ -69,7 +69,7 @@ class Jump(NamedTuple):
 @doctor_check(
     Question(
         "azimuth_wrapping",
-        "Is the update of a target with the azimuth pi the same as with any other?",
+        "Is the update at the azimuth pi the same as at any other azimuth?",
         finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
     ),
     place=190,

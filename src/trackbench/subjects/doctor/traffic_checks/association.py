@@ -57,13 +57,13 @@ BEHIND = 0.25
 
 
 @doctor_check(
-    Question("nearer_of_two", "Does a track not take the farther of two detections?"),
+    Question("nearer_of_two", "Does a track prefer the nearer of two detections?"),
     place=11,
     faults={
         "assignment_inverted": KnownFault(
             "a track takes the farthest detection in its gate",
-            "Where the assignment is computed: whether it seeks the least or the largest sum, and of what.",
-            "linear_sum_assignment seeks the least sum: give it distances, or maximize=True with likelihoods.",
+            "Where the assignment is computed: whether it minimises or maximises, and which sum.",
+            "linear_sum_assignment minimises the sum: give it distances, or maximize=True with likelihoods.",
             Role(rank=0),
         )
     },
@@ -131,13 +131,13 @@ def _share_of_way_back(make: Make, site: Site, target: Array) -> float | None:
 
 
 @doctor_check(
-    Question("allowed_pair", "Does a pair that no gate allows keep none from a detection of its own?"),
+    Question("allowed_pair", "Does a track keep its detection when another one is outside all gates?"),
     place=22,
     faults={
         "gated_after_assignment": KnownFault(
             "pairs that the gate does not allow take part in the assignment",
             "Where the costs of the assignment are computed, and where pairs beyond the gate are dropped.",
-            "Give pairs beyond the gate one high cost before the assignment; drop those of them that it chooses.",
+            "Give pairs beyond the gate one high cost before the assignment; drop such pairs after it.",
             Role(rank=1),
         )
     },
@@ -205,9 +205,9 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
     place=44,
     faults={
         "wrong_track_deleted": KnownFault(
-            "a track is deleted whose object is detected",
+            "a track is deleted although its object is detected",
             "Where tracks are removed from their list, and where their missed scans are counted.",
-            "Keep those that are to stay: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
+            "Make a new list: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
             "once an earlier track has been removed. A detection sets the count of missed scans back to 0.",
             Role(rank=6),
         )

@@ -41,7 +41,7 @@ SETTLED, AWAITED = 0.5, 3.0
             Role(rank=1),
         ),
         "gate_too_large": KnownFault(
-            "the gate lets in what cannot be the track's own",
+            "the gate lets in detections that cannot be the track's own",
             "Where the squared distance of a detection is compared with a threshold.",
             "Gate by the squared distance in units of the innovation's covariance, at 0.9999 of chi-square or less.",
             Role(rank=6),

@@ -35,7 +35,7 @@ EMPTY, COMING = 3, 8
 
 
 @doctor_check(
-    Question("double_tracks", "Has each object one track?"),
+    Question("double_tracks", "Does each object have one track?"),
     Question("confirmation", "Is an object that every scan detects soon a track?"),
     place=10,
     faults={
@@ -59,7 +59,7 @@ def following(make: Make, site: Site) -> PartResult:
     count = _count_on_objects(MultiObjectSession(make).follow(scans), scans)
     first = np.array([np.argmax(counts > 0) if counts.any() else len(counts) for counts in count.T])
     waited, never = float(np.median(first)) / RATE, bool(np.median(first) == len(scans))
-    text = f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s"
+    text = f"the object has no track in {waited:g} s" if never else f"its track is there after {waited:.2f} s"
     result = PartResult().note("confirmation", waited <= LATEST, text, "confirms_too_late")
     return _single_tracks(result, "double_tracks", count)
 
@@ -71,8 +71,8 @@ def following(make: Make, site: Site) -> PartResult:
         "confirms_too_soon": KnownFault(
             "tracks are confirmed too soon",
             "Where a tentative track becomes a confirmed one.",
-            "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
-            "reach.",
+            "A single detection is no track: ask for 3 of 5, or for a score or an existence probability that clutter "
+            "does not reach.",
             Role(rank=9),
         )
     },
@@ -91,15 +91,15 @@ def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
 
 
 @doctor_check(
-    Question("identities", "Has a new object a new identity?"),
+    Question("identities", "Does a new object get a new identity?"),
     Question("deletion", "Does a track end when its object has gone?"),
     place=40,
     faults={
         "never_deletes": KnownFault(
             "tracks are not deleted",
             "Where a track without detections is looked at.",
-            "Delete a track after about a second in view without a detection, or when its existence has become "
-            "improbable.",
+            "Delete a track after about a second in view without a detection, or when its existence probability has "
+            "become small.",
             Role(rank=7),
         ),
         "ids_reused": KnownFault(
@@ -146,7 +146,7 @@ def leaving(make: Make, site: Site) -> PartResult:
 
 
 @doctor_check(
-    Question("order", "Does the order of the detections change nothing?"),
+    Question("order", "Are the tracks the same for any order of the detections?"),
     place=50,
     faults={
         "order_dependent": KnownFault(

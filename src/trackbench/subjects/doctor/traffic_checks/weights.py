@@ -114,14 +114,14 @@ class WeighedTrack(FollowedTrack):
 @doctor_check(
     Question("weight_of_misses", "Does a detection weigh against a miss as the detection probability says?"),
     Question("weight_of_clutter", "Does a detection weigh against a miss as the stated clutter says?"),
-    Question("spread_of_means", "Does the covariance have the spread of what several detections say?"),
-    Question("spread_of_one", "Does the covariance have the spread of what a detection and a miss say?"),
+    Question("spread_of_means", "Does the covariance have the spread between several detections?"),
+    Question("spread_of_one", "Does the covariance have the spread between a detection and a miss?"),
     place=72,
     faults={
         "pd_misstated": KnownFault(
             "a miss does not count as the sensor's detection probability says",
             "Where the probability of a miss is computed.",
-            "Use scan.detection_probability, times the probability of the gate; or state no existence, if it is none.",
+            "Use scan.detection_probability, times the probability of the gate; or return no existence probability.",
             Role(rank=4),
         ),
         "clutter_misstated": KnownFault(
