@@ -68,7 +68,7 @@ COMPARED = {
     "nobody ahead": "No tracker is shown to be ahead over {over}: beside {than}, the {what} of {subject} is",
     "ahead of next": "{best} is ahead{by} over {over}: the {what} of {other}, the next, is {change}.",
     "ahead of baseline": "{best} is ahead{by} over {over}: its {what} is {change} than that of {other}, the baseline.",
-    "ahead by rank": "{best} is ahead over {over}: its mean rank is {rank}, that of the next, {other}, {second}.",
+    "ahead by rank": "{best} is ahead over {over}: its mean rank is {rank}, and that of {second}, the next, {other}.",
     "too few": "Nothing is shown about other scenarios: with {trackers} that takes {wanted} sets of scenes, and here "
     "are {sets}.",
     "lead": "In other scenarios like these its mean rank is {shown} to be the best (sign-flip test of the ranks over "
