@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class EstimateSums:
-    """Accumulator of the built-in metrics of estimates."""
+    """Accumulator whose sums all built-in metrics of estimates share."""
 
     name = "built-in"
 

@@ -274,7 +274,7 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: b
 def standard_errors(influences: Array, in_time: bool) -> Array:
     """Return ``(k,)`` standard errors from influences ``(k, parts)`` of runs, scenes or stretches of time.
 
-    For parts that follow each other in time, they are those of a first-order autoregressive process: a positive
+    For stretches that follow each other in time, they are those of a first-order autoregressive process: a positive
     autocorrelation of neighbours counts, up to one half, without its bias of one over the number of parts
     (Marriott and Pope 1954, "Bias in the estimation of autocorrelations").
     """

@@ -70,7 +70,7 @@ class Scope:
     """``(instants, objects, runs or 1)`` class of each estimate by manoeuvre, range, age and velocity jump; None with
     hidden identities."""
     measurements: Mapping[str, int] = field(default_factory=dict)
-    """Number of instants of each sensor; empty with hidden identities."""
+    """Number of instants at which each sensor measures, by sensor; empty with hidden identities."""
     single: bool = False
     """Whether the block is a single run whose stretches of time stand for independent runs."""
     compute: Compute = by_numpy
@@ -249,7 +249,7 @@ class Metric(Config):
     name: ClassVar[str]
     """Dotted path in a tracker's metrics."""
     unit: ClassVar[str]
-    """Unit; "1" for a number without one."""
+    """Unit of the value; "1" for a number without one."""
     meaning: ClassVar[str]
     """Meaning in one line."""
     needs: ClassVar[Set[str]] = frozenset({"labels", "truth"})

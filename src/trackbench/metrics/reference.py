@@ -211,7 +211,7 @@ class ConditionalBound:
 
 
 def _process_noise(acceleration_sigma: float, times: Array) -> Array:
-    """Return the process noise ``(4, 4)`` from the first to the last time; each but the last has a new acceleration."""
+    """Return the process noise ``(4, 4)`` over the times; at each but the last a new random acceleration is drawn."""
     dt = np.diff(times)
     moved = dt * (times[-1] - times[1:] + 0.5 * dt)
     per_axis = np.array([[moved @ moved, moved @ dt], [moved @ dt, dt @ dt]])

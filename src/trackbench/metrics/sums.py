@@ -127,7 +127,7 @@ class BlockScores:
 
 
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
-    """Merge the scores of consecutive blocks of runs in their order; later scenes may be shorter."""
+    """Merge the sums of consecutive blocks of runs in their order; the scenes of later blocks may be shorter."""
     first = blocks[0]
     by_run: dict[str, Any] = _joined(blocks, ("per_run", "per_part", "charged", "due", "diverged", "repaired"))
     return replace(

@@ -119,7 +119,7 @@ class MetricValue(ResultModel):
     value: float | None = None
     """The value; None where it is missing, for the ``reason``. In JSON the value of a NEES or NIS is named ``mean``."""
     unit: str
-    """Unit; "1" for a number without one."""
+    """Unit of the value; "1" for a number without one."""
     ci95: tuple[float, float] | None = None
     """95 % interval; None where a single run gives none, or the metric has no interval."""
     reason: str | None = None

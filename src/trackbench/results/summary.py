@@ -44,7 +44,7 @@ SCHEMA_VERSION = 7
 
 
 class ExpectationResult(ResultModel):
-    """Expectation that the scenario states of a metric, with the value and the outcome."""
+    """Expectation that the scenario states about a metric of a tracker, with the value and the outcome."""
 
     tracker: str
     metric: str

@@ -217,7 +217,7 @@ class ExternalHistories:
 
     @property
     def offsets(self) -> Array:
-        """``(5, P)`` of all runs so far: number of the run, time, number of the object, y and speed."""
+        """``(5, P)`` of all runs so far: run, time, object, error along the path, m, and speed of the object, m/s."""
         return np.concatenate(self._pairs, axis=1)
 
     def of_run(self, scene: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:

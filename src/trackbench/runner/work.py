@@ -224,7 +224,7 @@ class Work:
 
     @property
     def has_truth(self) -> bool:
-        """Whether every scene has a truth, which a recording with hidden identities may lack."""
+        """Whether every scene has a truth; a recording with hidden identities may have none."""
         return all(scene.truth.known for scene in self.scenes)
 
     @property

@@ -301,7 +301,7 @@ def excuse_tracks(near: Nearby, chosen: Mask, reach: float) -> Counted:
 
 
 def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> NearPairs:
-    """Return the pairs of positions ``(2, T, N)`` or ``(2, T, N, K)``, and ``(2, T, K)``, m, within ``cutoff``."""
+    """Return pairs of objects ``(2, T, N)`` (or ``(2, T, N, K)``) and tracks ``(2, T, K)`` within ``cutoff``, m."""
     steps, n, k = objects.shape[1], objects.shape[2], tracks.shape[2]
     at_once = max(1, CHUNK // max(1, n * k))
     cells, squares = [np.empty(0, dtype=np.intp)], [np.empty(0)]

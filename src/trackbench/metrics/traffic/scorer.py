@@ -154,7 +154,7 @@ class TrackScorer:
             self.tracks_at.append(step.answer)
 
     def close(self, histories: Histories | None = None) -> list[ScoredTracks]:
-        """Return the scores of each scene, from ``histories`` if given, else from the tracks that were added."""
+        """Return the scores of each scene, from ``histories`` if given, else from the answers that ``take`` added."""
         taken = self._associations() if self._scenes[0].truth.known else None
         histories = histories or self._histories()
         return [self._scored_scene(scene, histories, taken) for scene in self._scenes]
