@@ -28,17 +28,13 @@ TIMES = OUT / "times.json"
 #: Stone Soup's JPDA would take an hour for all, most of it for tentative tracks of clutter.
 ONLY = {"stonesoup_jpda": "traffic-typical,traffic-recorded"}
 INTRODUCTION = (
-    "Made by make suite. docs/suite.md says how a suite works and how to enter your own tracker. Of each entry its "
-    "entry.json is committed, with the sha256 of its estimates and scores. The command in it makes these files anew, "
-    "PYTHONPATH=benchmarks/suite trackbench suite verify results/suite/NAME checks them, and trackbench suite page "
-    "shows velocity, covariance and identities too."
+    "Made by make suite; see docs/suite.md. The committed entry.json has the sha256 of an entry's estimates and scores; "
+    "its command makes them anew, and PYTHONPATH=benchmarks/suite trackbench suite verify results/suite/NAME checks them."
 )
 BUILT_IN = (
-    "The built-in trackers have the values of the suite's file. Those of other people's libraries are in "
-    "benchmarks/suite, with the motion and process noise of the built-in ones; Stone Soup's noise is in continuous "
-    "time, and equal at the rate of the sensor. The KFs of both libraries read the lidar alone, kf_cv also the "
-    "positions of the radar. stonesoup_jpda is in two scenarios alone: all would take it an hour. The processor "
-    "time is that of all scenarios with scores and reports, the motion having been simulated before."
+    "Built-in trackers have the values of the suite's file, those in benchmarks/suite the same motion and process noise, "
+    "Stone Soup's in continuous time and equal at the sensor's rate. Both libraries' KFs read the lidar alone, kf_cv "
+    "also the radar's positions. stonesoup_jpda is in two scenarios: all would take an hour."
 )
 
 
@@ -62,16 +58,22 @@ def main() -> None:
 def readme(merged: MergedEntries, times: dict[str, int]) -> Document:
     """Return the summary of the page that is committed."""
     letters = {name: group_letters(merged, name, result) for name, result in merged.results.items()}
-    blocks: list[Block] = [Paragraph(INTRODUCTION), overview_table(merged, letters)]
+    overview = overview_table(merged, letters)
+    # Without the scores, which stand in the tables below.
+    rows = [(*row[:2], *row[3:]) for row in overview.rows]
+    blocks: list[Block] = [
+        Paragraph(INTRODUCTION),
+        Table("best", (*overview.columns[:2], *overview.columns[3:]), tuple(rows)),
+    ]
     blocks += [
         Section(title, tuple(_scores(merged, kind, letters)))
         for title, kind in (("Position RMSE, m", "single"), ("T-GOSPA, m", "traffic"))
     ]
-    blocks.append(Section("Who the trackers are", (Paragraph(BUILT_IN), _trackers(merged, times))))
+    blocks.append(Section("Who the trackers are", (Paragraph(BUILT_IN), *_trackers(merged, times))))
     blocks.append(Section("Cite the suite", (Code(bibtex(merged.suite), "bibtex"),)))
     lead = (
         "Trackers that share a letter are not shown to differ by more than the margin. In brackets: 95 % intervals; "
-        "where a tracker is charged for missing estimates, the error of the given ones. Not ranked: too many missing."
+        "where missing estimates are charged, the error of the given ones. Not ranked: too many missing."
     )
     return Document("suite", f"First entries of {SUITE}", tuple(blocks), lead=lead)
 
@@ -93,18 +95,13 @@ def _scores(merged: MergedEntries, kind: Kind, letters: dict[str, dict[str, str]
         yield Table.of_columns(f"{kind}-{first}", columns)
 
 
-def _trackers(merged: MergedEntries, times: dict[str, int]) -> Table:
-    rows = [(stored.entry.tracker, times.get(stored.entry.tracker.name, 0)) for stored in merged.entries]
-    cells = [
-        (Cell(who.name, tracker=who.name), *map(Cell, (who.version, who.licence, who.source, f"{seconds}")))
-        for who, seconds in rows
-    ]
-    headings = (
-        TRACKER,
-        *(Column(each, left=True) for each in ("version", "licence", "source")),
-        Column("processor time, s"),
-    )
-    return Table("trackers", headings, tuple(cells))
+def _trackers(merged: MergedEntries, times: dict[str, int]) -> Iterator[Block]:
+    """Yield who the trackers of others are, and the processor time of each tracker."""
+    who = [stored.entry.tracker for stored in merged.entries if stored.entry.tracker.source != "trackbench"]
+    rows = [(Cell(item.name, tracker=item.name), *map(Cell, (item.version, item.licence, item.source))) for item in who]
+    headings = (TRACKER, *(Column(each, left=True) for each in ("version", "licence", "source")))
+    yield Table("trackers", headings, tuple(rows))
+    yield Paragraph(f"Processor time with scores and reports, s: {', '.join(f'{name} {seconds}' for name, seconds in times.items())}.")
 
 
 if __name__ == "__main__":
