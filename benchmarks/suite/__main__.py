@@ -28,13 +28,13 @@ TIMES = OUT / "times.json"
 #: Stone Soup's JPDA would take an hour for all, most of it for tentative tracks of clutter.
 ONLY = {"stonesoup_jpda": "traffic-typical,traffic-recorded"}
 INTRODUCTION = (
-    "Made by make suite; see docs/suite.md. The committed entry.json has the sha256 of an entry's estimates and scores; "
-    "its command makes them anew, and PYTHONPATH=benchmarks/suite trackbench suite verify results/suite/NAME checks them."
+    "Made by make suite (docs/suite.md). Each entry.json has the sha256 of estimates and scores; its command makes "
+    "them anew, PYTHONPATH=benchmarks/suite trackbench suite verify results/suite/NAME checks them."
 )
 BUILT_IN = (
-    "Built-in trackers have the values of the suite's file, those in benchmarks/suite the same motion and process noise, "
-    "Stone Soup's in continuous time and equal at the sensor's rate. Both libraries' KFs read the lidar alone, kf_cv "
-    "also the radar's positions. stonesoup_jpda is in two scenarios: all would take an hour."
+    "Built-in trackers have the values of the suite's file, those in benchmarks/suite the same motion and process "
+    "noise, Stone Soup's in continuous time and equal at the sensor's rate. Both libraries' KFs read the lidar alone, "
+    "kf_cv also the radar's positions. stonesoup_jpda is in two scenarios: all would take an hour."
 )
 
 
@@ -101,7 +101,8 @@ def _trackers(merged: MergedEntries, times: dict[str, int]) -> Iterator[Block]:
     rows = [(Cell(item.name, tracker=item.name), *map(Cell, (item.version, item.licence, item.source))) for item in who]
     headings = (TRACKER, *(Column(each, left=True) for each in ("version", "licence", "source")))
     yield Table("trackers", headings, tuple(rows))
-    yield Paragraph(f"Processor time with scores and reports, s: {', '.join(f'{name} {seconds}' for name, seconds in times.items())}.")
+    seconds = ", ".join(f"{name} {time}" for name, time in times.items())
+    yield Paragraph(f"Processor time with scores and reports, s: {seconds}.")
 
 
 if __name__ == "__main__":
