@@ -28,28 +28,18 @@ class Radar(CartesianToBearingRangeRate2D, ReversibleModel):
     def inverse_function(self, detection, **_):
         bearing, distance, rate = np.ravel(detection.state_vector).astype(float)
         distance = max(distance, 1.0)  # its range rate has no derivative at the sensor
-        sight = np.array([np.cos(angle := bearing + float(self.rotation_offset[2, 0])), np.sin(angle)])
+        azimuth = bearing + float(self.rotation_offset[2, 0])
+        sight = np.array([np.cos(azimuth), np.sin(azimuth)])
         (x, y), own = np.ravel(self.translation_offset) + distance * sight, np.ravel(self.velocity)
         vx, vy = sight * (rate + sight @ own)
         return StateVector([x, vx, y, vy])
 
 
-class NearPDAHypothesiser(PDAHypothesiser):
-    """PDA hypothesiser that is shown no detection far beyond its gate, which it would reject at some cost."""
-
-    def hypothesise(self, track, detections, timestamp, **kwargs):
-        predicted = self.predictor.predict(track, timestamp=timestamp)
-        reach = 15 + 8 * np.sqrt(float(predicted.covar[0, 0] + predicted.covar[2, 2]))  # m; the gate has 4.6 sigma
-        place = np.ravel(predicted.mean)[[0, 2]].astype(float)
-        near = [each for each in detections if np.hypot(*(each.metadata["place"] - place)) < reach]
-        return super().hypothesise(track, near, timestamp, **kwargs)
-
-
 class StoneSoupJpda:
-    def __init__(self, noise_diff_coeff, associator=JPDAwithEHM2):
+    def __init__(self, noise_diff_coeff):
         transition = CombinedLinearGaussianTransitionModel([ConstantVelocity(noise_diff_coeff)] * 2)
         self.updater = ExtendedKalmanUpdater(measurement_model=None)
-        self.hypothesiser = NearPDAHypothesiser(ExtendedKalmanPredictor(transition), self.updater, prob_gate=0.9999)
+        self.hypothesiser = PDAHypothesiser(ExtendedKalmanPredictor(transition), self.updater, prob_gate=0.9999)
         prior = GaussianState([0, 0, 0, 0], np.diag([100, 400, 100, 400]))  # a velocity of up to about 40 m/s
         self.initiator = MultiMeasurementInitiator(
             prior,
@@ -59,7 +49,7 @@ class StoneSoupJpda:
             min_points=3,
             initiator=SinglePointMeasurementInitiator(prior, updater=self.updater),
         )
-        self.associator, self.deleter = associator(self.hypothesiser), UpdateTimeDeleter(timedelta(seconds=1))
+        self.associator, self.deleter = JPDAwithEHM2(self.hypothesiser), UpdateTimeDeleter(timedelta(seconds=1))
 
     def step(self, state, scan):
         tracks, tentative, numbers = state or (set(), set(), {})
@@ -86,14 +76,9 @@ def _detections(scan, time):
     if scan.kind == "radar":
         place, axes, velocity = StateVector([x, y]), StateVector([0, 0, yaw]), StateVector(scan.sensor_velocity)
         noise, columns = R[np.ix_([1, 0, 2], [1, 0, 2])], [[Bearing(angle), r, rate] for r, angle, rate in z.T]
-        places = np.stack([x + z[0] * np.cos(yaw + z[1]), y + z[0] * np.sin(yaw + z[1])], axis=1)
         model = Radar(4, (0, 2), noise, translation_offset=place, rotation_offset=axes, velocity=velocity)
     else:  # a linear model has no pose: the measurements are turned into the fixed frame
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        places = columns = [x, y] + z.T @ turn.T
-        noise = turn @ R @ turn.T
+        columns, noise = [x, y] + z.T @ turn.T, turn @ R @ turn.T
         model = LinearGaussian(ndim_state=4, mapping=(0, 2), noise_covar=noise)
-    return {
-        Detection(StateVector(column), time, measurement_model=model, metadata={"place": place})
-        for column, place in zip(columns, places, strict=True)
-    }
+    return {Detection(StateVector(column), time, measurement_model=model) for column in columns}
