@@ -37,7 +37,7 @@ BUILT_IN = (
     "benchmarks/suite, with the motion and process noise of the built-in ones; Stone Soup's noise is in continuous "
     "time, and equal at the rate of the sensor. The KFs of both libraries read the lidar alone, kf_cv also the "
     "positions of the radar. stonesoup_jpda is not in cut_in-typical, where it would take half an hour. The processor "
-    "time is that of all scenarios with scores and reports; that of raw includes simulating the motion."
+    "time is that of all scenarios with scores and reports, the motion having been simulated before."
 )
 
 
@@ -68,7 +68,10 @@ def readme(merged: MergedEntries, times: dict[str, int]) -> Document:
     ]
     blocks.append(Section("Who the trackers are", (Paragraph(BUILT_IN), _trackers(merged, times))))
     blocks.append(Section("Cite the suite", (Code(bibtex(merged.suite), "bibtex"),)))
-    lead = "Trackers that share a letter are not shown to differ by more than the margin. In brackets: 95 % intervals."
+    lead = (
+        "Trackers that share a letter are not shown to differ by more than the margin. In brackets: 95 % intervals; "
+        "where a tracker is charged for missing estimates, the error of the given ones. Not ranked: too many missing."
+    )
     return Document("suite", f"First entries of {SUITE}", tuple(blocks), lead=lead)
 
 
@@ -82,7 +85,7 @@ def _scores(merged: MergedEntries, kind: Kind, letters: dict[str, dict[str, str]
         for name, result in [*results.items()][first : first + width]:
             cells = metric_cells(own := [result[each] for each in result.summary.ranking], result.summary.headline)
             texts = {
-                each.name: f"{cell.text} ({cell.details[-1]}) {letters[name].get(each.name, '')}"
+                each.name: f"{cell.text} ({'; '.join(cell.details)}) {letters[name].get(each.name, 'not ranked')}"
                 for each, cell in zip(own, cells, strict=True)
             }
             columns.append((Column(name, left=True), [Cell(texts.get(each, "-")) for each in trackers]))
