@@ -29,8 +29,9 @@ TIMES = OUT / "times.json"
 ONLY = {"stonesoup_jpda": "traffic-ideal,traffic-human,traffic-typical,traffic-recorded"}
 INTRODUCTION = (
     "Made by make suite. docs/suite.md says how a suite works and how to enter your own tracker. Of each entry its "
-    "entry.json is committed, with the sha256 of its estimates and scores; the command in it makes these files anew, "
-    "trackbench suite verify checks them, and trackbench suite page shows velocity, covariance and identities too."
+    "entry.json is committed, with the sha256 of its estimates and scores. The command in it makes these files anew, "
+    "PYTHONPATH=benchmarks/suite trackbench suite verify results/suite/NAME checks them, and trackbench suite page "
+    "shows velocity, covariance and identities too."
 )
 BUILT_IN = (
     "The built-in trackers have the values of the suite's file. Those of other people's libraries are in "
