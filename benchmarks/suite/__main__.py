@@ -25,8 +25,8 @@ OUT, SUITE = ROOT / "results" / "suite", "trackbench-road-1"
 TRACKBENCH = Path(sys.executable).parent / "trackbench"
 #: Seconds of processor time of each tracker in all its scenarios.
 TIMES = OUT / "times.json"
-#: Stone Soup's JPDA would take half an hour for cut_in-typical, most of it for tentative tracks of clutter.
-ONLY = {"stonesoup_jpda": "traffic-ideal,traffic-human,traffic-typical,traffic-recorded"}
+#: Stone Soup's JPDA would take an hour for all, most of it for tentative tracks of clutter.
+ONLY = {"stonesoup_jpda": "traffic-typical,traffic-recorded"}
 INTRODUCTION = (
     "Made by make suite. docs/suite.md says how a suite works and how to enter your own tracker. Of each entry its "
     "entry.json is committed, with the sha256 of its estimates and scores. The command in it makes these files anew, "
@@ -37,7 +37,7 @@ BUILT_IN = (
     "The built-in trackers have the values of the suite's file. Those of other people's libraries are in "
     "benchmarks/suite, with the motion and process noise of the built-in ones; Stone Soup's noise is in continuous "
     "time, and equal at the rate of the sensor. The KFs of both libraries read the lidar alone, kf_cv also the "
-    "positions of the radar. stonesoup_jpda is not in cut_in-typical, where it would take half an hour. The processor "
+    "positions of the radar. stonesoup_jpda is in two scenarios alone: all would take it an hour. The processor "
     "time is that of all scenarios with scores and reports, the motion having been simulated before."
 )
 

@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
 from stonesoup.dataassociator.probability import JPDAwithEHM2
-from stonesoup.deleter.time import UpdateTimeDeleter, UpdateTimeStepsDeleter
+from stonesoup.deleter.time import UpdateTimeDeleter
 from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.initiator.simple import MultiMeasurementInitiator, SinglePointMeasurementInitiator
 from stonesoup.models.base import ReversibleModel
@@ -43,7 +43,7 @@ class StoneSoupJpda:
         prior = GaussianState([0, 0, 0, 0], np.diag([100, 400, 100, 400]))  # a velocity of up to about 40 m/s
         self.initiator = MultiMeasurementInitiator(
             prior,
-            UpdateTimeStepsDeleter(2),
+            UpdateTimeDeleter(timedelta(seconds=0.25)),  # longer than the period of the lidar, which alone sees behind
             GNNWith2DAssignment(self.hypothesiser),
             self.updater,
             min_points=3,
