@@ -213,7 +213,7 @@ def _score_problems(stated: Result, scored: Result) -> Iterator[str]:
     for key, value, score in differing(values, scores, ROUNDING):
         # Another version may describe the same truth and sensors, or why a value is missing, in other words.
         is_text = isinstance(value, str) and isinstance(score, str)
-        is_wording = is_text and (key.startswith(SCENARIO_KEYS) or key.endswith(".reason"))
+        is_wording = (is_text and key.startswith(SCENARIO_KEYS)) or key.endswith((".reason", ".words"))
         if not is_wording and key != "truth.cached":
             yield f"result.json: {key}: the file has {value}, and the estimates give {score}"
     for name in COMPARED_TABLES:
