@@ -1,4 +1,4 @@
-"""Comparison of results."""
+"""Comparison of trackers or of versions of them, from Python."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Compared = results.Result | Path | str
 
 
 class ReportableComparison(HasFigures, comparison.Comparison):
-    """Comparison of results, which a notebook shows as a page and ``print`` as text."""
+    """Comparison of trackers' results, which a notebook shows as a page and ``print`` as text."""
 
     def report(self) -> Report:
-        """Return the report of the comparison, as ``trackbench compare`` shows it."""
+        """Return the report that ``trackbench compare`` shows of this comparison."""
         return Report(comparison_document(self))
 
     def to_pandas(self) -> Any:
@@ -67,7 +67,7 @@ def compare(
     trackers: Sequence[str] | None = None,
     limits: Mapping[str, float] | None = None,
 ) -> ReportableComparison:
-    """Compare the trackers of one result with each other, or several results, tracker by tracker, with the first.
+    """Compare the trackers of one result, or each tracker of later results with its namesake in the first.
 
     Results on the same measurements are compared run by run, others as independent samples.
 
@@ -76,7 +76,7 @@ def compare(
         others: further results, lists or folders, which are each compared with the baseline.
         metrics: metrics to compare by; unless given ``position_rmse``, or ``tgospa`` with hidden identities.
         trackers: names of the trackers to compare; all unless given.
-        limits: percentage, by metric, by which later trackers may be worse; ``passed`` says whether none is worse.
+        limits: percentage, by metric, by which trackers of later results may be worse; ``passed`` says if all are kept.
 
     Raises:
         InputError: there is no such result, or the results cannot be compared.

@@ -19,13 +19,13 @@ class LiveStep(NamedTuple):
     """Result of one step of a live episode; ``reward`` and ``terminated`` come from highway-env."""
 
     scans: list[Scan]
-    """Scans in the order of arrival, ``measurement`` ``(m, D)``; with known identities ``(m, objects)``."""
+    """Scans that arrived in this step, in order; measurements ``(m, D)``, or ``(m, objects)`` with known identities."""
     truth: Truth
-    """Motion of the ego vehicle (``truth.observer``) and of all others from the start; the last row is now."""
+    """Motion of the ego (``truth.observer``) and of all other vehicles from the start; the last row is now."""
     reward: float
     terminated: bool
     truncated: bool
-    """Whether the duration of the scenario or of the environment is over."""
+    """Whether the time limit of the scenario or of the environment is reached."""
 
 
 class LiveEpisode:
@@ -41,7 +41,7 @@ class LiveEpisode:
         """Result of the latest step; before the first step the scans and the truth of time 0."""
 
     def step(self, action: Any) -> LiveStep:
-        """Drive by an action of highway-env until its next decision, ``1 / policy_frequency`` s later.
+        """Drive the ego by an action of highway-env until the next decision, ``1 / policy_frequency`` s later.
 
         Raises:
             InputError: the episode is over, or ``action_space`` has no such action.

@@ -1,4 +1,4 @@
-"""Options with which scenarios are run, and the interface of listeners to a run's progress."""
+"""Options of a run, and the interface of listeners to its progress."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """Options with which all scenarios of a call are run."""
+    """Where and how the scenarios of a call are run: output folder, processes, limits and engine."""
 
     out: Path | None = None
     """Folder in which each scenario gets a folder of its own; None to write nothing."""
     workers: int | None = 1
-    """Number of processes; None for one per core where the work takes long."""
+    """Number of processes; None for one per core if the work takes long, else one."""
     cluster: str | None = None
     """Dask cluster that replaces the processes: ``tcp://HOST:PORT``, or ``local:N``."""
     left_out: frozenset[str] = frozenset()
-    """Names of subjects' files that are not written into the folder of a run."""
+    """Names of files of subjects, such as the recording, that are not written into the folder of a run."""
     isolation: Isolation = ISOLATED
-    """Limits of the processes in which plug-in trackers run."""
+    """Limits of time and memory for the processes in which plug-in trackers run."""
     engine: EngineName = "auto"
-    """Engine that computes built-in trackers and scores."""
+    """Engine that computes built-in trackers and scores: numpy, fused or auto."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)
@@ -53,7 +53,7 @@ def command_of(scenario: Scenario, engine: EngineName = "auto") -> str:
 
 
 def place_prefix(number: int, items: Sequence[object]) -> str:
-    """Return the start of a message on one of several items, such as "2 of 3: "; empty for a single item."""
+    """Return a prefix for a message on item ``number`` of ``items``, "2 of 3: "; empty for a single item."""
     return f"{number} of {len(items)}: " if len(items) > 1 else ""
 
 
@@ -64,27 +64,27 @@ class Prepared:
     scenario: Scenario
     truths: list[LoadedTruth]
     provenance: Provenance | None = None
-    """Time of the run, and versions of the code."""
+    """Time of the run, git commit and hashes of the user's code; None if not recorded."""
 
 
 class Listener:
-    """Receiver of messages on the progress of runs; this base class ignores them."""
+    """Receiver of messages on the progress of runs; this base class ignores all messages."""
 
     @property
     def observes(self) -> bool:
-        """Whether ``begin`` may return a function, so that the recorded run is made in this process."""
+        """Whether ``begin`` may return a function: the run chosen for the recording is then made in this process."""
         return False
 
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
-        """Follow a piece of work that takes its time, as a context around it.
+        """Return a context around a long piece of work, in which its progress is reported.
 
         Args:
             work: name of the work.
             unit: unit in which its progress is counted.
 
         Yields:
-            A function that is called with the amount done, the total and, optionally, a note on what was reached.
+            A function to call with the amount done, the total and, optionally, a note on what was reached.
         """
         yield no_progress
 
@@ -92,22 +92,22 @@ class Listener:
         """Receive a remark that a user should know, on a truth, a plug-in or an option."""
 
     def begin(self, item: Prepared) -> OnRecordedRun | None:
-        """Receive that the runs of a scenario begin.
+        """Receive the message that the runs of a scenario begin.
 
         Returns:
-            A function that is called with the recorded run while it is made, and should return at once; or None.
+            A function that is called repeatedly with the recorded run while it is made; None for no such calls.
         """
         return None
 
     def end(self, result: Result, folder: Path | None) -> None:
-        """Receive that the runs of a scenario have ended; its folder, if it has one, is complete."""
+        """Receive the result of a scenario's runs, and its complete folder; None if nothing is written."""
 
     def compared(self, comparison: Comparison, page: Path) -> None:
-        """Receive the comparison of several scenarios, and the file of its page."""
+        """Receive the comparison over several scenarios, and the path of its HTML page."""
 
 
 class Counter(Listener):
-    """Listener that passes on the progress in one unit alone."""
+    """Listener that passes on the progress of work counted in one unit, such as runs, and ignores the rest."""
 
     def __init__(self, progress: Progress, unit: str) -> None:
         self._progress, self._unit = progress, unit

@@ -34,11 +34,11 @@ def provenance_of(loaded: Scenario) -> Provenance:
 
 
 class _GitError(Exception):
-    """Git gives no answer; the message says why."""
+    """Error: git cannot be asked; the message says why."""
 
 
 def _commit(scenario: Path) -> tuple[str | None, bool | None, str]:
-    """Return the commit that holds a scenario, whether the repository differs from it, and why there is no commit."""
+    """Return the commit of a scenario's repository, whether files differ from it, and the reason if there is none."""
     if is_shipped(scenario):
         return None, None, "the scenario comes with trackbench"
     folder = scenario.parent
@@ -52,7 +52,7 @@ def _commit(scenario: Path) -> tuple[str | None, bool | None, str]:
 
 
 def _git(folder: Path, *arguments: str) -> str:
-    """Return what git prints in a folder.
+    """Return the output of a git command in a folder.
 
     Raises:
         _GitError: git is not installed, or fails.
@@ -81,7 +81,7 @@ _REFERENCE = re.compile(r"[^\W\d][\w.]*:[^\W\d][\w.]*")
 
 
 def code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
-    """Return, by name of each tracker with code that is not part of trackbench, the sha256 of that code."""
+    """Return the sha256 of each user-written tracker's code, by name of the tracker; None if no file is found."""
     folder, code = loaded.folder, {}
     for name, tracker in loaded.config.trackers.items():
         references = {*_references(loaded.document.value["trackers"][name])}
@@ -98,18 +98,18 @@ def code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
 
 
 def _references(entry: Any) -> Iterator[str]:
-    """Return the texts of a tracker's entry that refer to a module that is not part of trackbench."""
+    """Return those texts of a tracker's entry that name a module outside trackbench, such as ``mine:Tracker``."""
     return (text for text in texts_of(entry) if _REFERENCE.fullmatch(text) and not text.startswith("trackbench."))
 
 
 def _sha256(sources: Mapping[str, bytes]) -> str | None:
-    """Return the sha256 of one source, or of the joined sha256 of several, in the order of their names."""
+    """Return the sha256 of a source; of several, the sha256 of their hashes joined by name; None without a source."""
     digests = [hashlib.sha256(content).hexdigest() for _, content in sorted(sources.items())]
     return hashlib.sha256("".join(digests).encode()).hexdigest() if len(digests) > 1 else next(iter(digests), None)
 
 
 def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
-    """Return the file of the module that a reference names, and its content, without an import."""
+    """Return the file of the module that a reference names, with its content; the module is not imported."""
     places, name, spec = None, "", None
     with searched(folder):
         for part in reference.partition(":")[0].split("."):
@@ -123,7 +123,7 @@ def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
 
 
 def hashes_of(loaded: Scenario) -> dict[str, str]:
-    """Return the sha256 of each file that a scenario names, by its name there or relative to the scenario's folder."""
+    """Return the sha256 of each file that a scenario names, by its name in the scenario or relative to its folder."""
     files = sorted(dict(_named_files(loaded)).items())
     return {name: hashlib.sha256(read_bytes(file)).hexdigest() for name, file in files}
 

@@ -13,10 +13,10 @@ from trackbench.document.files import document_text, files_by_ending, require_en
 
 
 class HasFigures:
-    """Result whose report has figures, each with a name."""
+    """Base of results and comparisons, whose report has named figures."""
 
     def report(self) -> Report:
-        """Return the report."""
+        """Return the report, with its text, tables and figures."""
         raise NotImplementedError
 
     @property
@@ -44,11 +44,11 @@ class ReportableResult(HasFigures, results.Result):
 
     @classmethod
     def of(cls, result: results.Result) -> Self:
-        """Return a result with the methods that show it: its report, its figures and its page in a notebook."""
+        """Return the result with methods for its report, its figures and its display in a notebook."""
         return cls(result.summary, result.tables)
 
     def report(self) -> Report:
-        """Return the report of the run, as ``trackbench run`` writes it."""
+        """Return the report that ``trackbench run`` writes of this result."""
         from trackbench.report.result import result_document
 
         return Report(result_document(self))
@@ -71,7 +71,7 @@ FIGURE_ENDINGS = (".svg", ".pdf", ".png")
 
 
 class Report:
-    """Report, which a notebook shows as a page and ``print`` as text."""
+    """Report of a run or comparison, which a notebook shows as a page and ``print`` as text."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -125,7 +125,7 @@ class ReportFigure:
         """Write the figure, with its legend, as ``.svg``, ``.pdf`` or ``.png``.
 
         Raises:
-            InputError: the ending is another one.
+            InputError: the ending is none of these.
             TrackbenchError: the file cannot be written.
         """
         from trackbench.document.drawing import figure_file

@@ -62,11 +62,11 @@ def run(
 ) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
 
-    With one engine the result is the same on any number of workers, to the last bit, but for the measured times.
+    For a given engine, the result is the same to the last bit on any number of workers; only measured times differ.
 
     Args:
-        scenario: a scenario, or an argument of :func:`load`; or a list or tuple of these, for a list of results.
-        workers: number of processes; one per core unless given, where the work takes long.
+        scenario: a scenario or anything that :func:`load` takes; a list or tuple of these gives a list of results.
+        workers: number of processes; None for one per core if the work takes long, else one.
         cluster: Dask cluster instead of processes: ``tcp://HOST:PORT``, or ``local:N`` for N workers on this machine.
         out: folder in which each scenario gets a folder as by ``trackbench run``: result, report, recording, tables.
             Several scenarios are also compared there. Nothing is written unless given.
@@ -105,7 +105,7 @@ def run(
 
 
 def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
-    """Run prepared scenarios; return their results, saved and, if several, compared in the folder of the plan.
+    """Run prepared scenarios and return their results; save them in the plan's folder, and compare several.
 
     Raises:
         TrackbenchError: the processes that do the work died, or a folder cannot be written.

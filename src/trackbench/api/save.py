@@ -1,4 +1,4 @@
-"""Files in the folder of a run beside its numbers: pages, recording, and other files of subjects."""
+"""Files beside result.json in the folder of a run: pages, recording, and other files of subjects."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from trackbench.results import Result
 
 
 def with_artifacts(result: Result, left_out: Collection[str] = ()) -> tuple[Result, dict[str, Callable[[Path], None]]]:
-    """Return the result with the names of all files of its folder, and a function that writes each file beside it.
+    """Return the result, listing all files of its folder, and by file name a function that writes the file.
 
-    Subjects' files in ``left_out`` are not written.
+    Files of subjects, such as the recording, are omitted if ``left_out`` names them.
     """
     from trackbench.document.html import to_html
     from trackbench.document.markdown import to_markdown

@@ -39,7 +39,7 @@ def load(
         set: keys to change: ``{"sensors.lidar.rate_hz": 5}`` or ``["sensors.lidar.rate_hz=5"]``.
         runs: number of Monte-Carlo runs instead of the scenario's.
         seed: seed of the noise instead of the scenario's.
-        scenes: number of scenes, as by ``truth.seeds``.
+        scenes: number of scenes, which replaces ``truth.seeds``.
         trackers: names of the trackers to keep; all unless given.
 
     Raises:
@@ -86,8 +86,8 @@ def load_several(
     """Load each scenario in each of its worlds.
 
     Returns:
-        The scenarios, each in the named worlds or in its own; and a sentence on each scenario, of several, whose only
-        run or scene ``runs`` or ``scenes`` cannot multiply, and on each world that does not fit a scenario.
+        The scenarios, each in the named worlds or, without names, in its own; and warnings: a sentence on each of
+        several scenarios that ``runs`` or ``scenes`` does not fit, and on each world that does not fit a scenario.
     """
     named, notes, loaded = [*scenarios], list[str](), list[Scenario]()
     for item in named:
@@ -105,14 +105,14 @@ def load_several(
 
 
 def worlds(scenario: Scenario | Named, names: Iterable[str] = ()) -> list[Scenario]:
-    """Return a scenario in each of its worlds, for :func:`run` and :func:`compare`; without worlds that do not fit it.
+    """Return a scenario in each of its worlds, for :func:`run`; worlds that do not fit it are left out.
 
     Args:
         scenario: a scenario, or an argument of :func:`load`.
         names: names of the worlds; unless given, the scenario's own list.
 
     Raises:
-        InputError: something is wrong in the scenario, or there is no world of a name.
+        InputError: something is wrong in the scenario, or there is no world with one of the names.
     """
     return in_worlds(loaded_scenario(scenario), listed(names))[0]
 
@@ -128,7 +128,7 @@ def listed(texts: Iterable[str]) -> list[str]:
 
 
 def _yaml(value: Any, key: str | None = None) -> str:
-    """Return a value as JSON, which is YAML that marks texts as such."""
+    """Return a value as JSON, which as YAML keeps texts apart from numbers."""
     try:
         return json.dumps(value, default=_plain, indent=None if key else 2, allow_nan=False)
     except (TypeError, ValueError, AttributeError) as error:
@@ -136,7 +136,7 @@ def _yaml(value: Any, key: str | None = None) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a class as a reference to it, and a number or array of NumPy as plain numbers."""
+    """Return a class as its ``module:name``, and a number or array of NumPy as plain numbers."""
     if isinstance(value, type | FunctionType):
         return reference_to(value)
     if not hasattr(value, "tolist"):
@@ -146,7 +146,7 @@ def _plain(value: Any) -> Any:
 
 
 def truth(scenario: Scenario | Named) -> Truth:
-    """Return the motion of every target and of the observer, simulated unless it is in the cache.
+    """Return the true motion of every target and of the observer; a simulated one is cached.
 
     Args:
         scenario: a scenario, or an argument of :func:`load`; the truth is of its first scene.
@@ -160,7 +160,7 @@ def truth(scenario: Scenario | Named) -> Truth:
 
 
 def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
-    """Return the scans of some runs in the order of their times, with the bits that each tracker gets.
+    """Return the scans of the runs ``runs``, sorted by time and equal to the last bit to those that trackers get.
 
     Args:
         scenario: a scenario, or an argument of :func:`load`; the scans are of its first scene.

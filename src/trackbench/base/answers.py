@@ -12,10 +12,10 @@ from trackbench.base.types import Mask
 
 
 def require(is_right: bool, what: str, right: str, answer: object) -> None:
-    """Make sure that a returned value is right.
+    """Raise an error unless ``is_right``, for an ``answer`` that a plug-in's method returned.
 
     Raises:
-        TrackbenchError: it is not: "<what> must be <right>, not <answer>".
+        TrackbenchError: ``is_right`` is False: "<what> must be <right>, not <answer>".
     """
     if is_right:
         return

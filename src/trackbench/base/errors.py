@@ -36,7 +36,7 @@ class InputError(TrackbenchError):
         self.line = line
 
     def located(self, *, file: Path | str | None, line: int | None) -> InputError:
-        """Return this error with a file and a line, where it has none yet."""
+        """Return this error with the given file and line, where it has none yet."""
         return type(self)(self.message, key=self.key, file=self.file or file, line=self.line or line)
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class InputErrors(InputError):
 
 
 def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
-    """Return the choices with all words of a name, else the one spelt most alike if it is at least ``cutoff`` alike."""
+    """Return up to three choices with all words of ``name``, else a choice spelt alike to at least ``cutoff``."""
     names = sorted(set(choices))
     spelling = re.sub("[- ]", "_", name.lower())
     if spelling in names:
@@ -80,7 +80,7 @@ LISTED = 30
 
 
 def nearest_choices(name: str, choices: Iterable[str]) -> str:
-    """Name the nearest valid choices in a sentence; list the choices where none is near."""
+    """Return a sentence that names the choices nearest to ``name``, or lists all choices if none is near."""
     names = sorted(set(choices))
     if close := did_you_mean(similar_names(name, names)):
         return close
@@ -91,28 +91,28 @@ def nearest_choices(name: str, choices: Iterable[str]) -> str:
 
 
 def did_you_mean(names: Sequence[str]) -> str:
-    """Return a question such as "did you mean 'a', 'b' or 'c'?"; empty without names."""
+    """Return a question such as "did you mean 'a', 'b' or 'c'?"; empty text for no names."""
     *rest, last = map(repr, names) if names else [""]
     return f"did you mean {' or '.join(filter(None, [', '.join(rest), last]))}?" if names else ""
 
 
 def similar_path_hint(missing: Path) -> str:
-    """Return a hint such as "; did you mean 'results/highway'?"; empty where no neighbour is spelt alike."""
+    """Return a hint at a neighbour of a missing path, such as "; did you mean 'results/highway'?", else empty text."""
     neighbours = [entry.name for entry in missing.parent.iterdir()] if missing.parent.is_dir() else []
     hint = did_you_mean([str(missing.parent / name) for name in similar_names(missing.name, neighbours, 0.6)[:1]])
     return hint and f"; {hint}"
 
 
 def shortened_text(text: str, most: int = 200) -> str:
-    """Return the start and the end of a text longer than ``most`` characters; a shorter text unchanged."""
+    """Shorten a text of more than ``most`` characters to its start and end; leave a shorter text unchanged."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
 
 
 def printable(text: str, most: int = 1000) -> str:
-    """Return the first ``most`` characters of a text in one line, without characters that cannot be printed."""
+    """Return the first ``most`` characters of a text in one line, with unprintable characters removed."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text[:most]).split())
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """Return a number with its noun, such as "2 runs"; ``plural`` is needed where it is not the noun with an s."""
+    """Return a number with its noun, such as "2 runs"; ``plural`` is needed if it is not the noun plus an s."""
     return f"{number} {noun}" if number == 1 else f"{number} {plural or noun + 's'}"

@@ -38,11 +38,11 @@ Submit = Callable[..., Future[Any]]
 
 
 class Executor:
-    """Executor of function calls in this process or in others.
+    """Executor of function calls, in this process and, if ``start`` is given, also in other processes.
 
     Args:
-        start: function that starts other processes and returns loky's or Dask's ``submit``; None without others.
-        alone_s: time for which this process makes the calls before others do, s.
+        start: function that starts other processes and returns loky's or Dask's ``submit``; None for no others.
+        alone_s: time for which this process works alone before other processes are started, s.
     """
 
     def __init__(self, start: Callable[[], Submit] | None = None, alone_s: float = 0.0) -> None:
@@ -58,13 +58,14 @@ class Executor:
     ) -> Iterator[Any]:
         """Yield the result of each call, in the order of the calls.
 
-        Other processes begin at once; this process makes a call when its result is needed.
+        Calls in other processes begin at once; a call in this process is made when its result is needed.
 
         Args:
             function: function of a module that other processes can import.
             calls: arguments of each call. The first argument is pickled once for all calls that share it.
             folder: folder of the modules of the arguments' classes beside the working directory; None if there is none.
-            observers: last arguments of the calls that this process makes; the function has a default for each.
+            observers: functions that calls in this process get as last arguments, such as for progress; each has a
+                default.
 
         Raises:
             TrackbenchError: another process ended, or a plug-in failed there.
@@ -137,7 +138,7 @@ def _make_call(content: bytes, rest: bytes, folders: tuple[Path | None, ...], co
 
 @cache
 def _forget_modules(folders: tuple[Path | None, ...], _command: str) -> None:
-    """Forget the modules of some folders once for each command: files may change while a cluster's worker lives."""
+    """Remove the modules of ``folders`` from memory once per command: files may change while a worker lives."""
     for name in [*sys.modules]:
         file = getattr(sys.modules.get(name.partition(".")[0]), "__file__", None)
         if file and not name.startswith("trackbench") and not {*folders}.isdisjoint([*Path(file).parents][:2]):

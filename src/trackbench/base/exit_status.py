@@ -15,7 +15,7 @@ INTERRUPTED, UNREAD = 130, 141
 
 
 def how_it_ended(code: int) -> str:
-    """Say how a process ended, from its exit code: minus the number of the signal that killed it."""
+    """Return in words how a process ended, from its exit code: minus the signal's number if a signal killed it."""
     if code >= 0:
         return f"its process ended itself, with status {code}"
     names = {number.value: f" ({number.name})" for number in signal.Signals}

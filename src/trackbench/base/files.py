@@ -64,7 +64,7 @@ def path_from(path: str, folder: Path, new_folder: Path) -> str:
 
 
 def read_text(file: Path, remedy: str = "") -> str:
-    """Return the text of a file in UTF-8; ``remedy`` ends the message about a file in another encoding.
+    """Return the text of a UTF-8 file; ``remedy`` ends the error message about a file in another encoding.
 
     Raises:
         InputError: there is no such file, or it is no regular file, cannot be read, or is not UTF-8.
@@ -98,7 +98,7 @@ def _temporary_folder() -> Path:
 
 
 def cache_folder() -> Path:
-    """Return TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache, else a temporary folder."""
+    """Return the user's cache: TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache, else temporary."""
     stated = os.environ.get("TRACKBENCH_CACHE")
     if stated:
         return Path(stated)
@@ -109,7 +109,7 @@ def cache_folder() -> Path:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file that gets its final name only when it is whole.
+    """Write a file under a temporary name, and give it its final name when it is complete.
 
     Raises:
         OSError: the folder cannot be written.

@@ -41,7 +41,7 @@ def vector(entries: Sequence[Array | float]) -> Array:
 
 
 def matmul(a: Array, b: Array) -> Array:
-    """Compute ``A B``."""
+    """Compute the matrix product ``A B``."""
     if a.ndim == 2 and b.ndim > 2:
         # One matrix for the whole batch: a product with one wide matrix, for which BLAS is twice as fast.
         return (a @ b.reshape(len(b), -1)).reshape(len(a), *b.shape[1:])
@@ -49,32 +49,32 @@ def matmul(a: Array, b: Array) -> Array:
 
 
 def matmul_transposed(a: Array, b: Array) -> Array:
-    """Compute ``A B^T``."""
+    """Compute the matrix product ``A B^T``."""
     return _einsum("ik...,jk...->ij...", a, b)
 
 
 def transposed_matmul(a: Array, b: Array) -> Array:
-    """Compute ``A^T B``."""
+    """Compute the matrix product ``A^T B``."""
     return _einsum("ki...,kj...->ij...", a, b)
 
 
 def gram(a: Array) -> Array:
-    """Compute ``A^T A``, symmetric to the last bit."""
+    """Compute the matrix product ``A^T A``, exactly symmetric in spite of rounding."""
     return _einsum("ki...,kj...->ij...", a, a)
 
 
 def matvec(a: Array, x: Array) -> Array:
-    """Compute ``A x``."""
+    """Compute the product ``A x`` of a matrix and a vector."""
     return _einsum("ik...,k...->i...", a, x)
 
 
 def apply_transposed(a: Array, x: Array) -> Array:
-    """Compute ``A^T x``."""
+    """Compute the product ``A^T x`` of a transposed matrix and a vector."""
     return _einsum("ki...,k...->i...", a, x)
 
 
 def quadratic(a: Array, p: Array) -> Array:
-    """Compute ``A P A^T``."""
+    """Compute the matrix product ``A P A^T`` for a symmetric ``P``."""
     product = matmul(a, p)
     if a.ndim == 2 and p.ndim > 2:
         # One product with a wide matrix for each row of A P.
@@ -84,7 +84,7 @@ def quadratic(a: Array, p: Array) -> Array:
 
 
 def symmetrise(p: Array) -> Array:
-    """Compute ``(P + P^T) / 2``."""
+    """Compute the symmetric part ``(P + P^T) / 2`` of a square matrix."""
     return 0.5 * (p + np.swapaxes(p, 0, 1))
 
 
@@ -93,11 +93,11 @@ MARGIN = 2.0**-46
 
 
 def rounded_up(p: Array) -> Array:
-    """Return a computed covariance with its lower triangle on both sides and each variance larger by ``MARGIN``.
+    """Return a computed covariance, made exactly symmetric, with each variance enlarged by the share ``MARGIN``.
 
-    A sum of products that would be exactly semidefinite has a Cholesky factor then, whatever its units. Rounding moves
-    an entry by a few units in the last place of the two standard deviations, and a semidefinite matrix with this margin
-    keeps its factor (Demmel 1989; Higham 2002, theorem 10.7).
+    The lower triangle is copied to the upper one. Then a sum of products that is semidefinite but for rounding has a
+    Cholesky factor. Rounding moves an entry by a few units in the last place of the two standard deviations, and a
+    semidefinite matrix with this margin keeps its factor (Demmel 1989; Higham 2002, theorem 10.7).
     """
     result: Array = p[_lower(len(p))]
     for i in range(len(p)):
@@ -120,24 +120,24 @@ class Cholesky(NamedTuple):
     """Lower triangular factor ``L`` with ``P = L L^T``, stored as its entries."""
 
     rows: tuple[tuple[Array, ...], ...]
-    """``rows[i][j]`` for ``j <= i``, each ``(...)``."""
+    """Entries of ``L``: ``rows[i][j]`` for row ``i`` and column ``j <= i``, each an array over the batch axes."""
     inverse_diagonal: tuple[Array, ...]
     positive: Mask
-    """``(...)``: False where a pivot was not positive; the entries of ``L`` mean nothing there."""
+    """Mask over the batch axes; False where ``P`` is not positive definite, and the entries of ``L`` mean nothing."""
 
     def lower(self) -> Array:
-        """Return ``L`` as an array ``(n, n, ...)``."""
+        """Return the factor ``L`` as one array ``(n, n, ...)``."""
         size = len(self.rows)
         return matrix([[*row, *[0.0] * (size - len(row))] for row in self.rows])
 
     def log_density(self, whitened: Array) -> Array:
-        """Return ``(...)`` logarithms of ``N(y; 0, P)``, for ``L^-1 y`` ``(n, ...)``."""
+        """Return log densities ``(...)`` of a Gaussian, ``N(y; 0, P)``, from ``L^-1 y``, ``(n, ...)``."""
         normalised = np.prod(np.stack(self.inverse_diagonal), axis=0) * TWO_PI ** (-len(whitened) / 2)
         logarithm: Array = np.log(normalised) - 0.5 * _einsum("i...,i...->...", whitened, whitened)
         return logarithm
 
     def whiten(self, b: Array) -> Array:
-        """Compute ``L^-1 B`` for a vector or a matrix ``b`` of ``n`` rows."""
+        """Solve ``L X = B`` for a vector or a matrix ``b`` of ``n`` rows; return ``X``."""
         solved: list[Array] = []
         for i, row in enumerate(self.rows):
             rest = b[i]
@@ -147,7 +147,7 @@ class Cholesky(NamedTuple):
         return vector(solved)
 
     def whiten_transposed(self, b: Array) -> Array:
-        """Compute ``L^-T B`` for a vector or a matrix ``b`` of ``n`` rows."""
+        """Solve ``L^T X = B`` for a vector or a matrix ``b`` of ``n`` rows; return ``X``."""
         size = len(self.rows)
         solved: list[Array] = [*b]
         for i in reversed(range(size)):
@@ -191,7 +191,7 @@ class Definite(NamedTuple):
     covariance: Array
     factor: Cholesky
     repaired: Mask | None
-    """``(...)`` True where the covariance had to be changed; None where none had to be."""
+    """Mask over the batch axes, True where the covariance had to be changed; None where no covariance had to be."""
 
 
 #: Smallest eigenvalue after a repair, relative to the largest.
@@ -199,10 +199,10 @@ RELATIVE_FLOOR = 1e-9
 
 
 def ensure_definite(p: Array) -> Definite:
-    """Replace each matrix that has no Cholesky factor by the nearest one that has.
+    """Replace each matrix without a Cholesky factor by the nearest positive definite matrix.
 
-    The nearest symmetric matrix in the Frobenius norm whose eigenvalues are at least ``RELATIVE_FLOOR`` of the largest
-    (Higham 1988, Theorem 2.1). Matrices with entries that are not finite are left unchanged, and not marked.
+    That is the nearest symmetric matrix in the Frobenius norm whose eigenvalues are at least ``RELATIVE_FLOOR`` of the
+    largest (Higham 1988, Theorem 2.1). Matrices with entries that are not finite are left unchanged, and not marked.
     """
     factor = cholesky(p)
     if factor.positive.all():

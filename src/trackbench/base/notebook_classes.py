@@ -14,7 +14,7 @@ _classes: dict[str, Any] = {}
 
 
 def reference_to(plugin: Any) -> str:
-    """Return the text by which a scenario names a class or a function.
+    """Return the text by which a scenario names a class or function that may be defined in a notebook.
 
     A class of a notebook that is defined a second time gets a second name; scenarios keep the class that they loaded.
 
@@ -42,7 +42,7 @@ def reference_to(plugin: Any) -> str:
 
 
 def notebook_class(reference: str) -> Any | None:
-    """Return the notebook's class of a reference; None for any other reference."""
+    """Return the class or function of a notebook that a reference names; None for other references."""
     return _classes.get(reference)
 
 

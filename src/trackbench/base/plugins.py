@@ -22,7 +22,7 @@ from trackbench.base.notebook_classes import NOTEBOOK, notebook_class
 
 
 def attribute(reference: str) -> Any:
-    """Import a module and return its attribute that ``"module:attribute"`` names.
+    """Import and return the object that ``reference``, ``"module:attribute"``, names.
 
     Raises:
         InputError: the module has no such attribute, a module of the same name is loaded, or it is no module's name.
@@ -46,7 +46,7 @@ def attribute(reference: str) -> Any:
 
 @contextmanager
 def searched(*folders: Path | None) -> Iterator[None]:
-    """Put some folders and the working directory first on the module path while the context lasts."""
+    """Put folders and the working directory first on Python's module path while the context lasts."""
     before = list(sys.path)
     sys.path[:0] = [str(place) for place in (*folders, Path.cwd()) if place is not None]
     try:
@@ -56,7 +56,7 @@ def searched(*folders: Path | None) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str:
-    """Return an error's type and text in one line."""
+    """Return an error's type and message in one line."""
     text = printable(str(error))
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
@@ -76,9 +76,9 @@ T = TypeVar("T")
 
 
 class Registry(Generic[T]):
-    """Registry of the plug-ins of one kind; a plug-in is imported and checked, but never called.
+    """Registry of the plug-ins of one kind, which imports and checks plug-ins but never calls them.
 
-    ``registry[reference]`` is ``get`` with a memory, for code that runs often.
+    ``registry[reference]`` is ``get(reference)``, but looks each plug-in up only once.
 
     Args:
         group: entry-point group under which packages publish plug-ins of this kind.
@@ -91,10 +91,10 @@ class Registry(Generic[T]):
         self.what = what
         self.lacks = lacks
         self.plugins: dict[str, T] = {}
-        """Plug-ins that have been looked up, by reference."""
+        """Plug-ins that have been imported and checked, by reference."""
 
     def names(self) -> list[str]:
-        """Return the published names, whether or not they can be imported."""
+        """Return the published names of plug-ins of this kind, whether or not the plug-ins can be imported."""
         return sorted(self._published())
 
     def get(self, reference: str, folder: Path | None = None) -> T:
@@ -140,18 +140,18 @@ class Registry(Generic[T]):
         return {name: result for name, result in self._tried().items() if not isinstance(result, InputError)}
 
     def failures(self) -> dict[str, str]:
-        """Return the reason for each published plug-in that cannot be imported, by name."""
+        """Return the error message of each published plug-in that cannot be imported, by name."""
         return {name: result.message for name, result in self._tried().items() if isinstance(result, InputError)}
 
     def home_of(self, reference: str) -> str:
-        """Return the module of a reference without importing it; empty where the name is not published once."""
+        """Return the module of a reference without importing it; empty text unless exactly one package publishes it."""
         if ":" not in reference:
             entries = self._published().get(reference, [])
             reference = entries[0].value if len(entries) == 1 else ""
         return reference.partition(":")[0]
 
     def name_of(self, plugin: Any) -> str:
-        """Return the name under which a scenario can ask for a class that is already loaded."""
+        """Return the name or ``"module:Class"`` by which a scenario can name a class that is already loaded."""
         looked_up = next((name for name, known in self.plugins.items() if known is plugin), None)
         if looked_up is not None:
             return looked_up
@@ -184,7 +184,7 @@ class Registry(Generic[T]):
 
 
 def with_plugins() -> str:
-    """Return words such as "with the plug-ins 'a:A', 'b:B'" on the plug-ins loaded in this process; empty without."""
+    """Return words on the loaded plug-ins, such as "with the plug-ins 'a:A', 'b:B'"; empty text without any."""
     return f"with the plug-in{'s' if len(_loaded) > 1 else ''} {', '.join(_loaded)}" if _loaded else ""
 
 
@@ -207,7 +207,7 @@ def _entries_of_all_groups(_places: tuple[str, ...]) -> Any:
 
 
 def lacks_class(base: type) -> Callable[[Any], str | None]:
-    """Return a check for a registry of classes: what an object lacks to be a concrete subclass of ``base``."""
+    """Return a check for a :class:`Registry`, which says what an object lacks to be a concrete subclass of ``base``."""
 
     def lacks(result: Any) -> str | None:
         wanted = f"{base.__module__}.{base.__qualname__}"

@@ -23,7 +23,7 @@ FEW = 12
 
 
 def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Generator:
-    """Return the generator of one run for one purpose (a sensor's name, or the draw of the initial error)."""
+    """Return the random generator of one run for one purpose: a sensor's name, or the draw of the initial error."""
     words = (*_split_32_bits(seed), *_key(scenario), *_split_32_bits(run), *_key(purpose))
     # SeedSequence accepts a list of whole numbers too, but takes four times as long.
     entropy = np.array(words, dtype=np.uint32)
@@ -31,7 +31,7 @@ def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Genera
 
 
 def streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
-    """Return ``stream`` of each run in a fifth of the time; all run numbers have the same count of 32-bit words."""
+    """Return ``stream`` of each run, five times faster; all run numbers need equally many 32-bit words."""
     if len(runs) <= FEW:
         return [stream(seed, scenario, run, purpose) for run in runs]
     numbers = np.array([*map(_split_32_bits, runs)]).T
@@ -41,14 +41,14 @@ def streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.rand
 
 
 def fast_streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
-    """Return one generator for each run, which draws faster than one of ``streams`` and gives other numbers."""
+    """Return a generator for each run that draws faster than one of ``streams``, and gives different numbers."""
     digests = (hashlib.sha256(repr((seed, scenario, run, purpose)).encode()).digest() for run in runs)
     states = (np.frombuffer(digest, np.uint64) for digest in digests)
     return [np.random.Generator(np.random.SFC64(_State(state))) for state in states]  # type: ignore[arg-type]
 
 
 class _State(ISeedSequence):
-    """Generator state of 64-bit words that need no more mixing."""
+    """Seed of a NumPy generator, as 64-bit words that are already mixed."""
 
     def __init__(self, words: npt.NDArray[np.uint64]) -> None:
         self._words = words
@@ -58,7 +58,7 @@ class _State(ISeedSequence):
 
 
 def _mixed(entropy: _Words) -> npt.NDArray[np.uint64]:
-    """Compute ``(runs, 4)`` states as ``np.random.SeedSequence`` does from ``(words, runs)``, with four words or more.
+    """Compute seeds ``(runs, 4)`` from at least four ``(words, runs)``, as ``np.random.SeedSequence`` does.
 
     Source: O'Neill (2015), "Developing a seed_seq alternative", seed_seq_fe with a pool of four words.
     """
@@ -94,14 +94,14 @@ class RunStreams:
 
     def __init__(self, each: Sequence[np.random.Generator]) -> None:
         self.each = each
-        """One generator for each run."""
+        """Random generator of each run."""
 
     def standard_normal(self, shape: int | tuple[int, ...] = ()) -> Array:
-        """Draw ``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""
+        """Draw numbers ``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""
         return self._drawn(np.random.Generator.standard_normal, shape)
 
     def random(self, shape: int | tuple[int, ...] = ()) -> Array:
-        """Draw ``(*shape, runs)`` uniformly from 0 to 1."""
+        """Draw numbers ``(*shape, runs)`` from a uniform distribution from 0 to 1."""
         return self._drawn(np.random.Generator.random, shape)
 
     def _drawn(self, draw: Callable[..., Array], shape: int | tuple[int, ...]) -> Array:

@@ -16,20 +16,20 @@ PACKAGE = "trackbench.subjects"
 
 
 class Offer(NamedTuple):
-    """Addition of a subject to the command line, to the folder of a run or to a list, with its help text."""
+    """Addition of a subject, such as a command, a file of a run or a list, with its help text."""
 
     target: str
-    """Import target, ``module:attribute``."""
+    """Import path ``module:attribute`` of the added object."""
     summary: str
-    """Sentence about the target for the help."""
+    """Sentence about the addition, for the help."""
 
 
 class TermPage(NamedTuple):
-    """Page of ``trackbench explain``."""
+    """Page of ``trackbench explain`` on one term."""
 
     name: str
     page: tuple[tuple[str, str], ...]
-    """Pairs of a heading and its text, whose paragraphs are apart by an empty line."""
+    """Sections of the page: pairs of a heading and a text, with an empty line between paragraphs."""
 
 
 class FieldBlock(NamedTuple):
@@ -37,9 +37,9 @@ class FieldBlock(NamedTuple):
 
     type: Any
     field: Any
-    """Pydantic field with the default and the description."""
+    """Pydantic field of the key, with its default value and its description."""
     EXAMPLE: str
-    """Example, in lines of YAML."""
+    """Example of the key and its value, in lines of YAML."""
 
 
 @dataclass(frozen=True)
@@ -52,31 +52,31 @@ class Subject:
     commands: Mapping[str, Offer] = field(default_factory=dict)
     """Click commands by name, each with the first sentence of its help."""
     api: Mapping[str, str] = field(default_factory=dict)
-    """Attributes of ``trackbench`` by name."""
+    """Import targets of the names that the subject adds to the API, ``trackbench.NAME``, by name."""
     lists: Mapping[str, Offer] = field(default_factory=dict)
-    """Lists of ``trackbench list`` by name: functions that return rows of a name and a description, and a sentence
-    about them."""
+    """Lists of ``trackbench list`` by name: functions that return rows (name, description), and a sentence about the
+    list."""
     terms: Mapping[str, str] = field(default_factory=dict)
-    """Groups of ``trackbench explain`` by heading: functions that return each a :class:`TermPage` per term."""
+    """Groups of ``trackbench explain`` by heading: functions that return a :class:`TermPage` for each term."""
     documents: Mapping[str, Offer] = field(default_factory=dict)
-    """Pages of ``trackbench report`` by the main file of a folder: functions from that file to a Document, each with a
-    sentence about the page's formats."""
+    """Pages of ``trackbench report`` by the main file of a folder: functions that turn the file into a Document, each
+    with a sentence about the page's formats."""
     artifacts: Mapping[str, Offer] = field(default_factory=dict)
     """Files in the folder of a run by name: functions ``(result, path)`` that write the file, each with a description
     of its content."""
     replays: Mapping[str, str] = field(default_factory=dict)
-    """Replay files by name: functions of a :class:`trackbench.document.replay.Replay` and a path."""
+    """Replay files by name: functions that write a :class:`trackbench.document.replay.Replay` to a path."""
     blocks: Mapping[str, str] = field(default_factory=dict)
     """Top-level keys of a scenario, each with the class of its value, which has an ``EXAMPLE``, or a
     :class:`FieldBlock`."""
     examiners: Mapping[str, str] = field(default_factory=dict)
-    """Functions from a scenario and a tracker's name to a sentence about a fault of the tracker, or None. The keys of
-    this mapping and of all mappings below only tell the entries apart."""
+    """Functions that take a scenario and a tracker's name, and return a sentence about a fault of the tracker, or None.
+    The keys of this mapping and of all mappings below only tell the entries apart."""
     metrics: Mapping[str, str] = field(default_factory=dict)
     """Keys of blocks, each with a function that takes the block and whether identities are hidden, and returns the
     metrics of a run."""
     examples_of_metrics: Mapping[str, str] = field(default_factory=dict)
-    """Headings of lists, each with a function that returns one metric of each kind."""
+    """Headings of lists of metrics, each with a function that returns one metric of each kind."""
     checks: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a scenario and yield the problems of the subject's blocks."""
     records: Mapping[str, str] = field(default_factory=dict)
@@ -103,7 +103,7 @@ def subjects() -> tuple[Subject, ...]:
 
 
 def offered(kind: str) -> Iterator[tuple[str, Any]]:
-    """Yield the name and the value of each entry of one kind, over all subjects.
+    """Yield the name and the value of each entry of the field ``kind``, over all subjects.
 
     Args:
         kind: a field of :class:`Subject`.
@@ -113,7 +113,7 @@ def offered(kind: str) -> Iterator[tuple[str, Any]]:
 
 
 def collected(kind: str, *arguments: Any) -> Iterator[Any]:
-    """Yield everything that the functions of all subjects yield, one subject after the other.
+    """Yield all that the functions in the field ``kind`` yield, one subject after the other.
 
     Args:
         kind: a field of :class:`Subject` whose functions yield something.
@@ -124,7 +124,7 @@ def collected(kind: str, *arguments: Any) -> Iterator[Any]:
 
 
 def kind_of_file(file: str) -> str:
-    """Return the content of a subject's file in words, such as "an examination" for ``examination.json``."""
+    """Return in words what a subject's file contains, such as "an examination" for ``examination.json``."""
     stem = file.rpartition(".")[0]
     return f"{'an' if stem[0] in 'aeiou' else 'a'} {stem}"
 

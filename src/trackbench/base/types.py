@@ -24,17 +24,17 @@ Progress = Callable[[float, float], None]
 
 
 class NotedProgress(Protocol):
-    """Progress function that also takes a note on the work, such as "best 0.12"."""
+    """Progress function with an optional note on the work, such as "best 0.12"."""
 
     def __call__(self, done: float, total: float, note: str = "") -> None: ...
 
 
 def no_progress(done: float, total: float, note: str = "") -> None:
-    """Report no progress."""
+    """Ignore the progress: a progress function that shows nothing."""
 
 
 def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
-    """Take some runs of an array whose last axis is the runs, or has length 1 where all runs are alike."""
+    """Return the given runs of an array whose last axis is the runs, or has length 1 where all runs are alike."""
     return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
 
@@ -52,18 +52,18 @@ COMMON_STATE = ("px", "py", "vx", "vy")
 
 
 def indices(where: npt.NDArray[Any]) -> Indices:
-    """Return ``(K,)`` indices where a mask ``(batch,)`` holds, six times faster than ``np.flatnonzero`` for a few."""
+    """Return the indices ``(K,)`` at which a mask ``(batch,)`` is True, fast for a few members."""
     return where.nonzero()[0]
 
 
 class Gaussian(NamedTuple):
-    """Mean ``(n, ...)`` and its covariance ``(n, n, ...)``."""
+    """Mean ``(n, ...)`` and covariance ``(n, n, ...)`` of a Gaussian distribution, or of a batch of them."""
 
     mean: Array
     covariance: Array
 
     def where(self, mask: Mask, other: Gaussian) -> Gaussian:
-        """Take this Gaussian where the mask ``(...)`` holds, and the other one elsewhere."""
+        """Return this Gaussian where the mask ``(...)`` is True, and ``other`` elsewhere."""
         return Gaussian(np.where(mask, self.mean, other.mean), np.where(mask, self.covariance, other.covariance))
 
 
@@ -75,8 +75,8 @@ class FieldOfView(NamedTuple):
     max_range: float
     """Largest range, m; infinite without a limit."""
     volume: float | None = None
-    """Volume of the visible part of the measurement space, in units of a measurement; None if infinite. The expected
-    number of false alarms in a scan is the clutter density times this volume."""
+    """Volume of this region in the measurement space, in units of a measurement; None if infinite. The expected number
+    of false alarms in a scan is the clutter density times this volume."""
 
 
 class Scan(NamedTuple):
@@ -92,19 +92,20 @@ class Scan(NamedTuple):
     sensor: str
     """Name of the sensor in the scenario."""
     kind: str
-    """Type of the sensor: "radar", "lidar" or a plug-in's; "radar(range, azimuth)" if it measures only these."""
+    """Type of the sensor: "radar", "lidar" or a plug-in's name; "radar(range, azimuth)" if it measures only these."""
     measurement: Array
-    """``(m, ...)``; NaN where not valid. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to
-    the moving sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m."""
+    """Measured values ``(m, ...)``, NaN where not valid. Radar: range m, azimuth rad in the sensor's frame, range rate
+    m/s relative to the moving sensor (speed radar: target's speed over ground). Lidar: x, y in the sensor's frame,
+    m."""
     valid: Mask
-    """``(...)``: False where the sensor did not detect the object."""
+    """Mask ``(...)``; False where the sensor did not detect the object."""
     noise_covariance: Array
-    """``(m, m)`` covariance of the measurement noise that the sensor states."""
+    """Covariance ``(m, m)`` of the measurement noise, as stated by the sensor."""
     sensor_pose: Array
-    """``(3,)`` x m, y m, yaw rad of the sensor in the fixed frame; ``(3, runs)`` where a built-in tracker of several
-    objects takes runs of several scenes at once."""
+    """Pose ``(3,)`` x m, y m, yaw rad of the sensor in the fixed frame; ``(3, runs)`` where a built-in tracker of
+    several objects takes runs of several scenes at once."""
     sensor_velocity: Array
-    """``(2,)`` vx, vy of the sensor in the fixed frame, m/s; ``(2, runs)`` with a pose ``(3, runs)``."""
+    """Velocity ``(2,)`` vx, vy of the sensor in the fixed frame, m/s; ``(2, runs)`` with a pose ``(3, runs)``."""
     arrival_time: float
     """Time at which the measurement reaches the tracker (``time`` plus the sensor's latency), s."""
     detection_probability: float | None = None
@@ -114,12 +115,12 @@ class Scan(NamedTuple):
     field_of_view: FieldOfView | None = None
     """Region in which the sensor can detect anything; None with known identities."""
     asked: bool = False
-    """True where no measurement has arrived and only the estimate at ``time`` is wanted. The tracker must not keep this
-    prediction: measurements still on their way were taken earlier."""
+    """True if this scan brings no measurement and only asks for the estimate at ``time``. The tracker must not keep
+    this prediction: measurements still on their way were taken earlier."""
     place: int = 0
-    """Position of the sensor in the scenario, from 0; it orders scans of one time where none is late."""
+    """Index of the sensor in the scenario, from 0; it orders scans of one time if none arrives late."""
     half_range_m: float | None = None
-    """Range at which P_D is half of ``detection_probability``, m; None where P_D is constant over range."""
+    """Range at which P_D has fallen to half of ``detection_probability``, m; None if P_D is constant over range."""
 
     def __repr__(self) -> str:
         valid = np.asarray(self.valid)
@@ -128,17 +129,17 @@ class Scan(NamedTuple):
         return f"<scan of {self.sensor} ({self.kind}) at {self.time:g} s{late}: {seen}>"
 
     def prompt(self) -> Scan:
-        """Return this scan with its arrival at the time of measurement."""
+        """Return this scan with its arrival time set to the time of its measurement."""
         return self._replace(arrival_time=self.time)
 
 
 def scan_of_member(scan: Scan, member: int) -> Scan:
-    """Return the scan of one member of a batch with known identities: ``measurement`` ``(m,)``."""
+    """Return the scan of one object of a batch with known identities, with ``measurement`` ``(m,)``."""
     return scan._replace(measurement=scan.measurement[:, member], valid=scan.valid[member])
 
 
 def scan_of_run(scan: Scan, run: int) -> Scan:
-    """Return the detections of one run of a batch with hidden identities, unpadded: ``measurement`` ``(m, D)``."""
+    """Return the scan of one run of a batch with hidden identities, without padding: ``measurement`` ``(m, D)``."""
     is_detection = scan.valid[:, run]
     measurement, valid = scan.measurement[:, is_detection, run], is_detection[is_detection]
     for values in (measurement, valid):
@@ -148,7 +149,7 @@ def scan_of_run(scan: Scan, run: int) -> Scan:
 
 
 def with_sensor_of(scan: Scan, run: Indices | int, **values: Any) -> Scan:
-    """Return the scan with the sensor's pose and velocity in some runs ``(...)``, and other ``values`` replaced."""
+    """Return the scan with the sensor's pose and velocity in the given runs, and the fields ``values`` replaced."""
     if scan.sensor_pose.ndim > 1:
         values["sensor_pose"] = scan.sensor_pose.take(run, axis=1)
         values["sensor_velocity"] = scan.sensor_velocity.take(run, axis=1)
@@ -156,18 +157,18 @@ def with_sensor_of(scan: Scan, run: Indices | int, **values: Any) -> Scan:
 
 
 class Tracks(NamedTuple):
-    """The K confirmed tracks of a multi-object tracker after a scan."""
+    """K confirmed tracks of a multi-object tracker after a scan."""
 
     ids: Indices
-    """``(K,)``; an id is never used again."""
+    """Track numbers ``(K,)``; a number is never used again for another track."""
     mean: Array
-    """``(4, K)`` px, py, vx, vy in the fixed frame."""
+    """Estimated px, py, vx, vy ``(4, K)`` in the fixed frame."""
     covariance: Array
-    """``(4, 4, K)``."""
+    """Covariance ``(4, 4, K)`` of the estimated px, py, vx, vy."""
     existence: Array | None = None
-    """``(K,)`` probability that the object exists."""
+    """Probability ``(K,)`` that the track's object exists; None if the tracker computes none."""
     used: Indices | None = None
-    """``(K,)`` column of the detection that updated the track; -1 for a track without one."""
+    """Column ``(K,)`` of the detection in the scan that updated the track; -1 for a track without detection."""
 
     def __repr__(self) -> str:
         shown = np.array2string(np.asarray(self.ids), threshold=12, separator=", ", max_line_width=1000)
@@ -176,28 +177,28 @@ class Tracks(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Answer of a single-object tracker to a scan; only ``mean`` and ``covariance`` are required."""
+    """Estimate of a single-object tracker after a scan; only ``mean`` and ``covariance`` are required."""
 
     mean: Array
-    """``(4, ...)`` px, py, vx, vy in the fixed frame."""
+    """Estimated px, py, vx, vy ``(4, ...)`` in the fixed frame."""
     covariance: Array
-    """``(4, 4, ...)``."""
+    """Covariance ``(4, 4, ...)`` of the estimated px, py, vx, vy."""
     state: Array | None = None
-    """``(n, ...)`` state of the tracker, in its state space."""
+    """Estimated state ``(n, ...)`` in the tracker's own state space."""
     state_covariance: Array | None = None
-    """``(n, n, ...)``."""
+    """Covariance ``(n, n, ...)`` of ``state``."""
     innovation: Array | None = None
-    """``(m, ...)`` measurement minus its prediction; ignored where the scan is not valid."""
+    """Innovation ``(m, ...)``: measurement minus its prediction; ignored where the scan is not valid."""
     innovation_covariance: Array | None = None
-    """``(m, m, ...)``."""
+    """Covariance ``(m, m, ...)`` of the innovation."""
     whitened_innovation: Array | None = None
-    """``(m, ...)`` ``L^-1`` times the innovation, where its covariance is ``L L^T``: saves the factorisation."""
+    """Innovation ``(m, ...)`` times ``L^-1``, where its covariance is ``L L^T``; it saves factoring the covariance."""
     repaired: Mask | None = None
-    """``(...)`` True where a covariance was not positive definite at this scan and was repaired."""
+    """Mask ``(...)``, True where a covariance at this scan was not positive definite and was repaired."""
     mode_probabilities: Array | None = None
-    """``(M, ...)`` probabilities of the motion models of a tracker with several."""
+    """Probabilities ``(M, ...)`` of the tracker's M motion models; None for a single model."""
     log_likelihood: Array | None = None
-    """``(...)`` logarithm of the measurement's density given all earlier arrivals; NaN without a prediction. Stated
+    """Logarithm ``(...)`` of the measurement's density given all earlier arrivals; NaN without a prediction. Stated
     where that density is not the Gaussian of the innovation."""
 
     def __repr__(self) -> str:
@@ -210,40 +211,40 @@ class Estimate(NamedTuple):
 
 
 class RecordedAlarms(NamedTuple):
-    """Detections of one sensor that a recording marks as false alarms."""
+    """Detections of one sensor that a recording marks as false alarms, over all its scans."""
 
     scan: Indices
-    """``(rows,)`` number of the scan of each detection."""
+    """Index ``(detections,)`` of the scan that contains each detection."""
     measurement: Array
-    """``(m, rows)`` measurement of each detection."""
+    """Measured values ``(m, detections)`` of each detection."""
 
 
 class RecordedMeasurements(NamedTuple):
-    """One sensor's recorded measurements, labelled with objects."""
+    """Recorded measurements of one sensor, each with the object that caused it."""
 
     steps: Indices
-    """``(scans,)`` indices into the times of the ground truth; a scan may be empty."""
+    """Index ``(scans,)`` of each scan's time among the times of the ground truth; a scan may be empty."""
     measurement: Array
-    """``(m, scans, objects)``, NaN where not valid."""
+    """Measured values ``(m, scans, objects)``, NaN where not valid."""
     valid: Mask
-    """``(scans, objects)``: False where the sensor did not detect the object."""
+    """Mask ``(scans, objects)``; False where the sensor did not detect the object."""
     cycle: Indices | None = None
-    """``(scans,)`` number of the sensor's cycle, which may span several scans; None: each is one."""
+    """Number ``(scans,)`` of the sensor's cycle that contains each scan; None if each scan is a cycle of its own."""
     alarms: RecordedAlarms | None = None
-    """Recorded false alarms of the sensor; None without any."""
+    """Detections that the recording marks as false alarms; None if it marks none."""
 
 
 class RecordedDetections(NamedTuple):
-    """One sensor's recorded detections, not labelled with objects."""
+    """Recorded detections of one sensor whose objects are unknown."""
 
     steps: Indices
-    """``(scans,)`` indices into the times of the ground truth; a scan may be empty."""
+    """Index ``(scans,)`` of each scan's time among the times of the ground truth; a scan may be empty."""
     scan: Indices
-    """``(rows,)`` number of the scan of each detection."""
+    """Index ``(detections,)`` of the scan that contains each detection."""
     measurement: Array
-    """``(m, rows)`` measurement of each detection."""
+    """Measured values ``(m, detections)`` of each detection."""
     own_track: Indices
-    """``(rows,)`` number of the sensor's own track to which it assigns a detection; -1 for none."""
+    """Number ``(detections,)`` of the sensor's own track to which it assigns each detection; -1 for none."""
     own_tracks: tuple[str, ...]
 
 
@@ -252,25 +253,25 @@ class Observer:
     """Body that carries the sensors (the ego), at each step of the ground truth."""
 
     px: Array
-    """``(steps,)`` m."""
+    """Position ``(steps,)`` along x in the fixed frame, m."""
     py: Array
-    """``(steps,)`` m."""
+    """Position ``(steps,)`` along y in the fixed frame, m."""
     yaw: Array
-    """``(steps,)`` heading, rad."""
+    """Heading ``(steps,)``, rad, counter-clockwise from the fixed x axis."""
     vx: Array
-    """``(steps,)`` m/s."""
+    """Velocity ``(steps,)`` along x in the fixed frame, m/s."""
     vy: Array
-    """``(steps,)`` m/s."""
+    """Velocity ``(steps,)`` along y in the fixed frame, m/s."""
     yaw_rate: Array
-    """``(steps,)`` rad/s."""
+    """Rate of change ``(steps,)`` of the heading, rad/s."""
     length: float = 0.0
-    """m; 0 for a fixed point."""
+    """Length of the body, m; 0 for a fixed point."""
     width: float = 0.0
-    """m; 0 for a fixed point."""
+    """Width of the body, m; 0 for a fixed point."""
 
 
 class RecordedNoise(NamedTuple):
-    """Unknown error of recorded motion: standard deviation per axis."""
+    """Standard deviation of the unknown error of recorded motion, on each axis."""
 
     position_m: float
     velocity_mps: float
@@ -280,14 +281,14 @@ EXACT = RecordedNoise(0.0, 0.0)
 
 
 class Unscored(NamedTuple):
-    """Regions where neither objects nor tracks are scored: out of range, and on don't-care boxes."""
+    """Regions where neither objects nor tracks are scored: beyond a range, and on boxes marked "don't care"."""
 
     range_m: float
     """Distance from the observer up to which objects and tracks are scored; infinite without a limit."""
     boxes: Array
-    """``(7, boxes)``: start and end, s; x, y, m; heading, rad; half length and half width, m."""
+    """Unscored boxes ``(7, boxes)``: start and end, s; centre x, y, m; heading, rad; half length and half width, m."""
     others: bool = False
-    """Whether tracks on no object are never scored, because objects without ground truth are present."""
+    """Whether tracks that match no object are never scored, because objects without ground truth are present."""
 
 
 #: Fields of a truth that are ``(steps, objects, runs)``.
@@ -304,50 +305,50 @@ class Truth:
     """
 
     time: Array
-    """``(steps,)`` s, from 0."""
+    """Times ``(steps,)`` of the grid, s, from 0."""
     ids: tuple[str, ...]
     px: Array
     """Position along x in the fixed frame, m."""
     py: Array
     """Position along y in the fixed frame, m."""
     heading: Array
-    """Direction in which the body points, rad."""
+    """Direction in which the body points, rad, counter-clockwise from the fixed x axis."""
     course: Array
-    """Direction of motion (heading plus slip angle), rad."""
+    """Direction of motion (heading plus slip angle), rad, counter-clockwise from the fixed x axis."""
     speed: Array
     """Speed along the course, m/s."""
     acceleration: Array
     """Rate of change of speed, m/s^2."""
     yaw_rate: Array
-    """Rate of change of heading, rad/s."""
+    """Rate of change of the heading, rad/s."""
     alive: Mask
-    """``(steps, objects)``: whether the object is in the scene."""
+    """Mask ``(steps, objects)``, True while the object is in the scene."""
     length: Array
-    """``(objects,)`` m."""
+    """Length ``(objects,)`` of each body, m."""
     width: Array
-    """``(objects,)`` m."""
+    """Width ``(objects,)`` of each body, m."""
     observer: Observer
     roads: tuple[Array, ...] = ()
-    """Lane edges to draw, each ``(points, 2)`` m."""
+    """Lane edges to draw, each a line of x, y ``(points, 2)``, m."""
     source: dict[str, Any] = field(default_factory=dict)
-    """Origin of the ground truth, for the result (JSON values only)."""
+    """Description of where the ground truth comes from, stored in the result (JSON values only)."""
     audit: dict[str, Any] = field(default_factory=dict)
-    """Findings and corrections of the audit, for the result (JSON values only)."""
+    """Findings and corrections of the audit of a recording, stored in the result (JSON values only)."""
     target: Mask = field(default_factory=lambda: np.ones(0, dtype=bool))
-    """``(objects,)``: whether an object is to be tracked; default: all objects."""
+    """Mask ``(objects,)``, True for an object that is to be tracked; default: all objects."""
     hiders: Truth | None = None
-    """Objects, with known identities, that are no targets but hide targets from sensors with ``occlusion``."""
+    """Objects, with known identities, that are not tracked but hide targets from sensors with ``occlusion``."""
     known: bool = True
-    """False where a recording has measurements but no objects."""
+    """Whether the true objects are known; False for a recording that has measurements but no objects."""
     recorded_noise: RecordedNoise = EXACT
-    """Error of recorded motion; 0 where the motion is exact."""
+    """Standard deviation of the error of recorded motion; 0 where the motion is exact."""
     unscored: Unscored | None = None
-    """Regions without scoring; None where objects and tracks are scored everywhere."""
+    """Regions where nothing is scored; None where objects and tracks are scored everywhere."""
     beside: Mask | None = None
-    """``(steps, objects)`` True shortly before and after an object's recorded time: its motion is unknown there, and a
-    track of it is neither right nor false."""
+    """Mask ``(steps, objects)``, True shortly before and after an object's recorded time: its motion is unknown there,
+    and a track of it is neither right nor false."""
     start: Decimal = Decimal(0)
-    """Time of the recording's clock at time 0, s; other files may state times of this clock."""
+    """Reading of the recording's clock at time 0, s; other files may state times of this clock."""
 
     def __repr__(self) -> str:
         names = ", ".join(self.ids[:6]) + (", ..." if len(self.ids) > 6 else "")
@@ -374,19 +375,19 @@ class Truth:
 
     @property
     def vx(self) -> Array:
-        """``(steps, objects, runs)`` m/s."""
+        """Velocity ``(steps, objects, runs)`` along x in the fixed frame, m/s."""
         return self.speed * np.cos(self.course)
 
     @property
     def vy(self) -> Array:
-        """``(steps, objects, runs)`` m/s."""
+        """Velocity ``(steps, objects, runs)`` along y in the fixed frame, m/s."""
         return self.speed * np.sin(self.course)
 
     @property
     def state(self) -> Array:
-        """``(4, steps, objects, runs)`` px, py, vx, vy."""
+        """True px, py, vx, vy ``(4, steps, objects, runs)``."""
         return np.stack([self.px, self.py, self.vx, self.vy])
 
     def state_of_run(self, run: int) -> Array:
-        """Return ``(4, steps, objects)`` px, py, vx, vy in one run."""
+        """Return the true px, py, vx, vy ``(4, steps, objects)`` in one run."""
         return np.stack([of_runs(each, range(run, run + 1))[..., 0] for each in (self.px, self.py, self.vx, self.vy)])

@@ -12,7 +12,7 @@ from traceback import FrameSummary
 
 
 def place_of(error: BaseException, *, installed: bool = True) -> str | None:
-    """Return the last frame of the user's code in the traceback of an error or of its cause; None without one.
+    """Return the last line of the user's code in the traceback of an error or of its cause; None if there is none.
 
     Args:
         error: raised error.
@@ -23,7 +23,7 @@ def place_of(error: BaseException, *, installed: bool = True) -> str | None:
 
 
 def last_of_user(frames: Sequence[FrameSummary], installed: bool = True) -> str | None:
-    """Return file, line and function of the last frame in the user's code; None without one."""
+    """Return file, line and function of the last frame that is in the user's code; None if there is none."""
     paths = sysconfig.get_paths()
     standard: list[str | Path] = [paths["stdlib"], paths["platstdlib"], Path(__file__).resolve().parents[1]]
     packages: list[str | Path] = [paths["purelib"], paths["platlib"]]
@@ -43,7 +43,7 @@ _DUMPED = re.compile(r'^  File "(.+)", line (\d+) in (.+)$', re.MULTILINE)
 
 
 def place_in_dump(text: str) -> str | None:
-    """Return the last frame of the user's code in a dump by Python's faulthandler; None without one."""
+    """Return the last line of the user's code in a dump by Python's faulthandler; None if there is none."""
     frames = [FrameSummary(file, int(line), function) for file, line, function in _DUMPED.findall(text)]
     return last_of_user(frames[::-1])
 

@@ -43,7 +43,7 @@ def _command() -> int:
 
 
 def _open_missing_streams() -> None:
-    """Open the null device for each closed standard stream, so that no file gets the number of one."""
+    """Open the null device for each closed standard stream, so that no other file gets its descriptor."""
     for number in range(3):
         try:
             os.fstat(number)

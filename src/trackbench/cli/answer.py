@@ -1,4 +1,4 @@
-"""Standard output of a command, kept for its result alone: prints of plug-ins go to standard error."""
+"""Standard output of a command, reserved for its result: prints of plug-ins go to standard error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def redirect_prints() -> None:
 
 
 def answer() -> TextIO | None:
-    """Return the standard output with which the command was started; None where that was closed."""
+    """Return the standard output with which the command was started; None if it was closed."""
     return _stdout or sys.stdout
 
 
@@ -34,5 +34,5 @@ def kept_path(path: Path) -> Path:
 
 
 def print_answer(text: str, *, nl: bool = True) -> None:
-    """Print a part of the command's result."""
+    """Print a part of the command's result on the standard output with which the command was started."""
     click.echo(text, file=answer(), nl=nl)

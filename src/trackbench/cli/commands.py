@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 
 def _require_stdout() -> None:
-    """Make sure, before any work, that its result can be printed.
+    """Raise an error if standard output is closed, before any work is done for it.
 
     Raises:
         OutputError: standard output is closed.
@@ -43,7 +43,7 @@ def _require_stdout() -> None:
 
 
 def _fail(text: str, status: int) -> int:
-    """Print a message on stderr, if that can be written, and return the status."""
+    """Print a message on stderr, if stderr can be written, and return the exit status ``status``."""
     with suppress(OSError, ValueError, AttributeError):
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
@@ -51,13 +51,13 @@ def _fail(text: str, status: int) -> int:
 
 
 def _and_plugins() -> str:
-    """Return the end of a message, with the names of the plug-ins."""
+    """Return the end of an error message: the names of the installed plug-ins; empty if there are none."""
     words = with_plugins()
     return words and f", {words}"
 
 
 def _abandon_streams() -> None:
-    """Send text that cannot be written to the null device, so that the interpreter does not fail on it at its end."""
+    """Redirect unwritable streams to the null device, so that the interpreter does not fail on them at its end."""
     for stream in (answer(), sys.stderr):
         if stream is None:
             continue
@@ -85,7 +85,7 @@ COMMANDS = {
 
 
 class Commands(click.Group):
-    """Group of all commands; a command is imported when it is called."""
+    """Click group of all commands, which imports a command only when it is called."""
 
     def invoke(self, ctx: click.Context) -> Any:
         # Click would print an empty line before the message of an interrupted command.
@@ -125,7 +125,7 @@ def cli() -> None:
 
 
 def run_command_line() -> int:
-    """Return the exit status, which the README explains, after the command in ``sys.argv``."""
+    """Run the command in ``sys.argv`` and return its exit status, which the README explains."""
     # A run that gets SIGTERM tidies up as after Ctrl-C.
     for number in (signal.SIGINT, signal.SIGTERM):
         if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
@@ -181,7 +181,7 @@ def _run() -> int:
 
 
 def _unexpected(error: BaseException) -> int:
-    """Print an unforeseen error, with the code that is at fault, and return the exit status.
+    """Print an unforeseen error, and whether trackbench or a plug-in is at fault; return the exit status.
 
     Raises:
         OSError: standard output cannot be written.

@@ -47,7 +47,7 @@ _TRACKBENCH_COMPLETE=fish_source trackbench > ~/.config/fish/completions/trackbe
 
 
 def command_line_markdown() -> str:
-    """Return the whole page."""
+    """Return the page on all commands, their options and exit status, as Markdown."""
     root = click.Context(cli, info_name="trackbench", terminal_width=80, **cli.context_settings)
     blocks = [INTRODUCTION, *_commands(cli, root)]
     return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"

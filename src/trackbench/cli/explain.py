@@ -1,4 +1,4 @@
-"""``trackbench explain``: the page of a term. ``python -m trackbench.cli.explain`` prints docs/glossary.md of them."""
+"""``trackbench explain``: the page of a term. ``python -m trackbench.cli.explain`` prints docs/glossary.md."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ A reference: every word of a table, a report or an examination. `trackbench expl
 
 
 def terms() -> dict[str, list[TermPage]]:
-    """Return every term, by subject."""
+    """Return the pages of all terms, by subject, such as metrics or verdicts."""
     vocabulary = yaml.safe_load(Path(__file__).with_name("vocabulary.yaml").read_text(encoding="utf-8"))
     pages = {subject: _pages(subject.removesuffix("s"), words.items()) for subject, words in vocabulary.items()}
     pages |= {subject: _pages(heading, rows(subject)) for subject, heading in LISTED.items()}
@@ -34,7 +34,7 @@ def terms() -> dict[str, list[TermPage]]:
 
 
 def _pages(heading: str, entries: Iterable[tuple[str, str]]) -> list[TermPage]:
-    """Return a page for each name; entries with a path, such as ``rmse.px``, are on the page of its first part."""
+    """Return a page for each term; an entry such as ``rmse.px`` is on the page of ``rmse``."""
     pages: dict[str, list[tuple[str, str]]] = {}
     for path, text in entries:
         pages.setdefault(path.partition(".")[0], []).append((heading or path, text))
@@ -42,7 +42,7 @@ def _pages(heading: str, entries: Iterable[tuple[str, str]]) -> list[TermPage]:
 
 
 def glossary() -> str:
-    """Return all terms as one page."""
+    """Return the glossary page, with all terms in alphabetical order, as Markdown."""
     pages = [page for key, part in terms().items() if key not in ("faults", "checks", "worlds") for page in part]
     sections: dict[str, dict[str, None]] = {}
     for name, entries in sorted(pages, key=lambda page: page.name.strip("/").lower()):

@@ -53,7 +53,7 @@ def _table(target: str) -> Iterable[Row]:
 
 
 def registered(registry: str | Registry[Any], *without: str) -> Iterator[Row]:
-    """Yield the plug-ins of a registry, or of its ``module:attribute``, with options except ``without``."""
+    """Yield name and description of each plug-in in a registry (or ``module:attribute``), less options ``without``."""
     return _plugins(resolve(registry) if isinstance(registry, str) else registry, partial(_options, without=without))
 
 
@@ -73,7 +73,7 @@ def _truth() -> Iterator[Row]:
 
 
 def _plugins(registry: Registry[Any], options_in_words: Callable[[Any], str]) -> Iterator[Row]:
-    """Yield the first line of each plug-in's docstring and its options, or the reason why it fails."""
+    """Yield name and description of each plug-in: first line of its docstring and options, or why it fails."""
     loaded, failed = registry.loaded(), registry.failures()
     for name in registry.names():
         if name in failed:
@@ -84,7 +84,7 @@ def _plugins(registry: Registry[Any], options_in_words: Callable[[Any], str]) ->
 
 
 def _options(model: Any, without: Sequence[str] = ()) -> str:
-    """Return the options of a class in words, with their units, except ``without``."""
+    """Return the options of a class, "; options a, b (m)", except the options in ``without``."""
     from trackbench.base.config.key_units import split_key
 
     names = [field.alias or name for name, field in model.model_fields.items() if name not in without]
@@ -137,7 +137,7 @@ Example:
 
 
 def rows(what: str) -> Iterable[Row]:
-    """Return the names and descriptions of one of ``LISTS``."""
+    """Return names and descriptions for ``trackbench list WHAT``, such as all sensors."""
     return (_CORE[what] if what in _CORE else resolve(_OF_SUBJECTS[what].target))()
 
 

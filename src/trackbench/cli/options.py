@@ -29,12 +29,12 @@ FAILED_EXPECTATION = 1
 
 
 def junit_option(summary: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return the option ``--junit``, a file."""
+    """Return the decorator that adds ``--junit FILE`` to a command, with ``summary`` as its help."""
     return click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help=summary)
 
 
 def write_suites(suites: Sequence[Suite], junit: Path | None) -> None:
-    """Write test cases to the file of ``--junit``, if that is given."""
+    """Write test cases as JUnit XML to the file ``junit``; None writes nothing."""
     from trackbench.report.junit import to_xml
     from trackbench.results import write_bytes
 
@@ -43,11 +43,11 @@ def write_suites(suites: Sequence[Suite], junit: Path | None) -> None:
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:
-    """Exit with status 0 if every limit is shown to be kept, else with 1; print the reason as last line on stderr.
+    """Exit with status 0 if every limit is shown to be kept, else with 1; print the reason for 1 on stderr.
 
     Args:
         outcomes: outcome of each limit.
-        status: status that has precedence unless it is 0, such as that for a failed tracker.
+        status: exit status for another failure, such as a failed tracker, which has precedence; 0 for none.
 
     Raises:
         click.exceptions.Exit: always.
@@ -61,7 +61,7 @@ def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoRetur
 
 
 def out_option(summary: str, default: str | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return the option ``--out``, a folder."""
+    """Return the decorator that adds ``--out DIR`` to a command, with ``summary`` as its help."""
     return click.option(
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
@@ -73,7 +73,7 @@ def out_option(summary: str, default: str | None = None) -> Callable[[Callable[.
 
 
 class NearestChoice(click.Choice[str]):
-    """Choice of words whose error message proposes the nearest word."""
+    """Click type of a choice of words, whose error message proposes the nearest word."""
 
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
         words = [str(choice) for choice in self.choices]
@@ -87,10 +87,10 @@ WORKERS = click.IntRange(1, MOST_WORKERS)
 
 
 class Finite(click.FloatRange):
-    """Finite number in a range, in the digits 0 to 9."""
+    """Click type of a finite number in a range, written with the digits 0 to 9."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number; refuse NaN, infinities, underscores and digits of other scripts."""
+        """Convert a text to a number; refuse NaN, infinities, underscores and digits of other scripts."""
         if not math.isfinite(stated_number(str(value).strip())):
             self.fail(f"{shortened_text(str(value), 40)!r} is not a finite number", param, ctx)
         return super().convert(value, param, ctx)
@@ -161,7 +161,7 @@ scenarios_argument = click.argument(
 
 
 def names_in(text: str) -> list[str]:
-    """Return the names in an option's value such as ``A,B``."""
+    """Split an option's value such as ``A,B`` into names."""
     return [name for item in text.split(",") if (name := item.strip())]
 
 
@@ -170,12 +170,12 @@ OptionValues = Mapping[str, Any]
 
 
 class RunOptions(NamedTuple):
-    """Options that a subject adds to ``trackbench run``."""
+    """Options that a subject adds to ``trackbench run``, and their effect on a run."""
 
     add: Callable[[Callable[..., Any]], Callable[..., Any]]
     """Decorator that adds the Click options to a command."""
     follow: Callable[[Sequence[Scenario], OptionValues], AbstractContextManager[Listener | None]]
-    """Context with the listener to the run, or None without such an option; refuses options that do not fit."""
+    """Function of scenarios and option values: a context with a listener, or None if no such option is given."""
 
 
 def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -187,7 +187,7 @@ def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def followers(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[list[Listener]]:
-    """Yield the subjects' listeners to the run.
+    """Yield the listeners to the run that the options of subjects ask for.
 
     Raises:
         InputError: options contradict each other, or do not fit the scenarios.

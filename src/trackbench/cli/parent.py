@@ -1,4 +1,4 @@
-"""Process that a shell sees: it starts the command in a child process, and reports where no status comes back.
+"""Parent process that a shell sees: it runs the command in a child, and reports a child that sends no status.
 
 A user's metric or motion model runs in the process of the command and may end it, as by ``os._exit(0)``. Only a status
 that the command itself has sent is a result.
@@ -24,7 +24,7 @@ UNFINISHED = "the unfinished run was not kept"
 
 
 def is_wanted(arguments: Sequence[str]) -> bool:
-    """Return whether a command with these arguments gets a process of its own."""
+    """Return whether a command with these arguments is run in a child process."""
     if not hasattr(os, "fork") or not arguments or not WITHOUT_PARENT.isdisjoint(arguments):
         return False
     traced = sys.gettrace() is not None or (sys.version_info >= (3, 12) and sys.monitoring.get_tool(0) is not None)

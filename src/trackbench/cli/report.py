@@ -102,7 +102,7 @@ def _document(run: Path) -> Document:
 
 
 def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Path, str]:
-    """Return the folder of the files, and the name of the main file without its ending."""
+    """Return the folder for a report's files, and the name of the main file without its ending."""
     from trackbench.document.files import MAIN_ENDINGS
 
     if out is None:

@@ -128,7 +128,7 @@ def run_command(
 
 
 def status(finished: Sequence[Result]) -> int:
-    """Return the exit status of finished runs."""
+    """Return the exit status of finished runs: a failed tracker, else a failed expectation, else 0."""
     if any(tracker.failed for result in finished for tracker in result.summary.trackers):
         return FAILED_PLUGIN
     return 0 if all(result.summary.passed for result in finished) else FAILED_EXPECTATION

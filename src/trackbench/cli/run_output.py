@@ -1,4 +1,4 @@
-"""Output of ``trackbench run``; subjects' listeners get the same messages."""
+"""Terminal output of ``trackbench run``, as a listener to the run."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class RunOutput(Listener):
         self._console.print(Text(f"{files}\n", "dim"), soft_wrap=True)
 
     def compared(self, comparison: Comparison, page: Path) -> None:
-        """Print who is ahead, in which worlds an order holds, where the page is, and which scenarios are left out."""
+        """Print who leads, in which worlds an order holds, the path of the page, and which scenarios are left out."""
         from trackbench.document.terminal import print_table
         from trackbench.report.comparison.document import scenarios_without_truth
         from trackbench.report.comparison.figures import competitors

@@ -1,4 +1,4 @@
-"""Output of a command on stderr while it works: progress bar and log, with ``--quiet`` and ``--verbose``."""
+"""Progress bar and log of a command on stderr, and the options ``--quiet`` and ``--verbose``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LINES_EVERY_S = 30.0
 
 @contextmanager
 def progress(work: str, unit: str, *, quiet: bool = False) -> Iterator[types.NotedProgress]:
-    """Show a progress bar until the work is done; without a terminal print a line every ``LINES_EVERY_S``.
+    """Show a progress bar until the work is done; if stderr is no terminal, print a line every ``LINES_EVERY_S`` s.
 
     Args:
         work: name of the work.
@@ -31,7 +31,7 @@ def progress(work: str, unit: str, *, quiet: bool = False) -> Iterator[types.Not
         quiet: whether nothing is shown.
 
     Yields:
-        A function that is called with the amount done, the total and, optionally, a note on what was reached.
+        A function to call with the amount done, the total and, optionally, a note on what was reached.
     """
     console = Console(stderr=True)
     columns = (
@@ -60,7 +60,7 @@ def progress(work: str, unit: str, *, quiet: bool = False) -> Iterator[types.Not
 
 @contextmanager
 def if_interrupted(kept: str) -> Iterator[None]:
-    """Name the part of the work that is kept if Ctrl-C ends this context."""
+    """Run a context; if Ctrl-C ends it, raise the interrupt again with ``kept``, the part of the work that is kept."""
     try:
         yield
     except KeyboardInterrupt:
@@ -74,12 +74,12 @@ LOGGER = "trackbench"
 
 
 def quiet_option(text: str) -> Callable[[Command], Command]:
-    """Return the option ``--quiet`` with its help; the command gets it as ``quiet``."""
+    """Return the decorator that adds ``--quiet`` to a command, with ``text`` as its help."""
     return click.option("-q", "--quiet", is_flag=True, help=text)
 
 
 def verbose_option(command: Command) -> Command:
-    """Add ``--verbose``, which sends the log of the work to stderr; the command does not get the option."""
+    """Add ``--verbose``, which sends the log to stderr; it is not passed to the command's function."""
     return click.option(
         "-v", "--verbose", is_flag=True, expose_value=False, callback=_listen, help="Say on stderr what is done."
     )(command)

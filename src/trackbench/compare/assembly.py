@@ -47,7 +47,7 @@ from trackbench.results import Result, merged_places
 def orders(
     cells: Iterable[ScenarioResults], ranked_by: str, scores: Sequence[EntrantScore], pairings: Pairings
 ) -> list[OrderInWorlds]:
-    """Return the order of each pair of trackers in scenarios with several worlds, by the errors in the first world."""
+    """Return how each pair of trackers is ordered in each world of a scenario; ``a`` is better in the first world."""
     by_base: dict[str, dict[str, str]] = {}
     for cell in cells:
         scenario = cell.entries[0].result.summary.scenario
@@ -71,7 +71,7 @@ def _contender_errors(scores: Sequence[EntrantScore], scenario: str, metric: str
 def commands(
     sets: Sequence[ResultSet], metrics: Sequence[str], trackers: Sequence[str] | None, limits: Sequence[Limit]
 ) -> list[str]:
-    """Return the command of each run, and of the comparison; empty if a result does not say how it was made."""
+    """Return the commands that repeat each run and the comparison; empty if a result does not state how it was made."""
     if not all(entry.result.summary.command for item in sets for entry in item.entries):
         return []
     places = [_places(item) for item in sets]
@@ -88,7 +88,7 @@ def commands(
 
 
 def _places(item: ResultSet) -> tuple[Path, Path]:
-    """Return the folder that the runs of a set are written to, and the path that the comparison names."""
+    """Return the folder to write a set's runs to, and the folder to name in the command ``trackbench compare``."""
     path = Path(item.label)
     path = path.parent if path.suffix == ".json" else path
     if len(item.entries) > 1 or item.entries[0].label != item.label:
@@ -113,7 +113,7 @@ def compare_results(
     truth are not compared.
 
     Args:
-        results: the sets; the first is the baseline.
+        results: sets of results; the first set is the baseline.
         metrics: metrics to compare by, beside those of the limits; scenarios without any of them, and by default all
             scenarios, are compared by ``position_rmse``, or ``tgospa`` with hidden identities.
         trackers: names of the trackers to compare; None for all.
@@ -176,7 +176,6 @@ def _comparison(
     limits: Sequence[Limit],
     chosen: Mapping[tuple[str, int], list[str]],
 ) -> Comparison | None:
-    """Compare the scenarios of one group; None where no two trackers are compared."""
     cells, ranked_by, single = group.cells, group.ranked_by, len(sets) == 1
     wanted = [path for path in wanted if path in metrics] or [ranked_by]
     limits = [limit for limit in limits if limit.metric in metrics]
@@ -235,7 +234,7 @@ def _comparison(
 def _baseline(
     cells: Sequence[ScenarioResults], chosen: Mapping[tuple[str, int], list[str]], order: Sequence[RankedTracker]
 ) -> str | None:
-    """Return the tracker that the others are compared with: the one that all scenarios state, else the best."""
+    """Return the tracker that all others are compared with: the one stated in all scenarios, else the best."""
     stated = {cell.entries[0].result.summary.score.baseline for cell in cells}
     name = stated.pop() if len(stated) == 1 else None
     if name is not None and all(name in chosen[cell.scenario, 0] for cell in cells):
@@ -258,7 +257,7 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
 
 
 def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Sequence[Mapping[str, Metric]]) -> None:
-    """Make sure that each named metric has values by run in some scenario, and limited metrics a better direction."""
+    """Make sure that each named metric has values by run in a scenario, and a better direction if it is limited."""
     for path in wanted:
         limited = any(limit.metric == path for limit in limits)
         metrics = [metric_of[path] for metric_of in by_path if path in metric_of]
@@ -287,7 +286,7 @@ def _require_judgeable(
     chosen: Mapping[tuple[str, int], list[str]],
     limited: Sequence[Metric],
 ) -> None:
-    """Make sure that no regression could pass unseen.
+    """Make sure that each limit can be judged for each tracker, so that no regression passes unseen.
 
     Raises:
         InputError: there is no later set, a result gives no interval, or a later set lacks a scenario or tracker.

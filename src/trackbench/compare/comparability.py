@@ -23,14 +23,14 @@ from trackbench.scenario.config import ScenarioConfig
 
 @dataclass(frozen=True)
 class ScenarioResults:
-    """One scenario, with the result of each set that has it."""
+    """One scenario, with the result of each set of results that contains it."""
 
     scenario: str
     entries: dict[int, Entry]
 
     @property
     def ranked_by(self) -> str | None:
-        """Metric that ranks its trackers; None without a truth.
+        """Metric that ranks the trackers in the scenario; None without a truth.
 
         Raises:
             InputError: different metrics rank the trackers of different results.
@@ -56,14 +56,13 @@ class Group:
 
     @property
     def scenarios(self) -> str:
-        """Names of the scenarios."""
         return ", ".join(cell.scenario for cell in self.cells)
 
     def metrics(self) -> dict[str, Metric]:
-        """Return the metrics with a value in each run, by path.
+        """Return the metrics that have a value in each run, by dotted path.
 
         Raises:
-            InputError: the metric that ranks is none of them.
+            InputError: the metric that ranks trackers has no value in each run.
         """
         summaries = [entry.result.summary for cell in self.cells for entry in cell.entries.values()]
         of_results = [metric for summary in summaries for metric in summary.score.metrics]
@@ -75,7 +74,7 @@ class Group:
 
 
 def cells_of(sets: Sequence[ResultSet]) -> tuple[list[ScenarioResults], list[str]]:
-    """Return the scenarios that are compared, and notes on those that are not."""
+    """Return the scenarios that are compared, and a note on each that is not."""
     if all(len(item.entries) == 1 for item in sets):
         first = sets[0].entries[0].result.name
         return [ScenarioResults(first, {number: item.entries[0] for number, item in enumerate(sets)})], []
@@ -96,7 +95,7 @@ def cells_of(sets: Sequence[ResultSet]) -> tuple[list[ScenarioResults], list[str
 
 
 def groups_of_cells(cells: Sequence[ScenarioResults]) -> tuple[list[Group], list[str]]:
-    """Group the scenarios by the metric that ranks; return the names of those without a truth too.
+    """Group the scenarios by the metric that ranks trackers; also return the names of scenarios without a truth.
 
     Raises:
         InputError: no scenario has a truth.
@@ -113,14 +112,14 @@ def groups_of_cells(cells: Sequence[ScenarioResults]) -> tuple[list[Group], list
 
 
 class StoredMetric(Metric):
-    """Metric of a result, without its class: the mean of its column in the table of runs."""
+    """Metric of a stored result whose class is not loaded: the mean of its column in the table of runs."""
 
     def finish(self, sums: Any) -> NoReturn:
         raise NotImplementedError
 
 
 def compared_metrics(of_results: Sequence[MetricSummary], *, built_in: bool) -> dict[str, Metric]:
-    """Return the metrics with a value in each run, by path: those of the results, and if wanted the built-in ones."""
+    """Return the metrics that have a value in each run, by path: those of the results and, if wanted, built-in ones."""
     metrics: list[Metric] = [metric for metric in BUILT_IN if metric.columns] if built_in else []
     for item in of_results:
         if not item.per_sensor:
@@ -130,7 +129,7 @@ def compared_metrics(of_results: Sequence[MetricSummary], *, built_in: bool) -> 
 
 
 def stored_metric(summary: MetricSummary) -> StoredMetric:
-    """Make a metric from its description in a result."""
+    """Make a metric from the description of it that a result holds."""
     members = {name: getattr(summary, name) for name in ("name", "unit", "meaning", "better", "compared")}
     members["__module__"] = __name__
     metric: StoredMetric = new_class(summary.name, (StoredMetric,), {}, lambda body: body.update(members))()
@@ -147,13 +146,13 @@ FEWEST = 2
 
 @dataclass(frozen=True)
 class Comparability:
-    """Way in which two results are compared."""
+    """Runs over which two results are compared: shared runs, paired, or two independent samples."""
 
     shared: tuple[IntArray, IntArray] | None
-    """Numbers of the runs with the same measurements in both, over which they are paired: in the baseline, and in the
-    later result. None for two independent samples."""
+    """Numbers of the paired runs in the baseline, and in the later result: runs with the same measurements in both.
+    None for two independent samples."""
     reason: str
-    """Reason for this way."""
+    """Reason why the runs are paired, or not."""
 
     @classmethod
     def of_all(cls, runs: int, reason: str) -> Comparability:
@@ -162,7 +161,7 @@ class Comparability:
 
 
 def comparability(baseline: Entry, later: Entry) -> Comparability:
-    """Return how two results are compared.
+    """Return over which runs two results are compared: paired ones, or two independent samples.
 
     The trackers, the number of runs, the seed and the scenario's name may differ. The objects, the sensors and the
     scoring must be the same. Equal fingerprints of a run show that all its measurements were the same.
@@ -189,7 +188,7 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
 
 
 def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
-    """Make sure that a metric that is not built in is the same in both results, if both have it.
+    """Make sure that a user's metric that both results have is the same in both.
 
     Raises:
         InputError: the unit, the better direction or an option of the metric differs.
@@ -201,7 +200,7 @@ def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
 
 
 def engine_notes(sets: Sequence[ResultSet], cells: Sequence[ScenarioResults]) -> Iterator[str]:
-    """Name each later set that another engine computed than the baseline; it is compared all the same."""
+    """Yield a note on each later set that was computed by another engine than the baseline."""
     for number, later in enumerate(sets[1:], 1):
         both = [(cell.entries[0], cell.entries[number]) for cell in cells if number in cell.entries]
         engines = [[entry.result.summary.engine_in_words for entry in pair] for pair in both]
@@ -211,7 +210,7 @@ def engine_notes(sets: Sequence[ResultSet], cells: Sequence[ScenarioResults]) ->
 
 
 def _places(entry: Entry) -> list[tuple[int, int]]:
-    """Return the scene of each run, and the number of the run in it."""
+    """Return for each run the number of its scene, and the number of the run within the scene."""
     summary = entry.result.summary
     in_scene = summary.runs // max(1, len(summary.truth.scenes))
     return [divmod(number, in_scene) for number in range(summary.runs)]
@@ -237,14 +236,14 @@ def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
 
 
 def _stated(scenario: ScenarioConfig) -> dict[str, Any]:
-    """Return the options that must be the same: truth, sensors and scoring."""
+    """Return the options in which two compared scenarios must agree: truth, sensors and scoring."""
     options = scenario.model_dump(mode="json", include={"truth", "sensors", "sensing"})
     score = {key: getattr(scenario.score, key) for key in ("settle_s", "point", "cutoff_m", "switch_costs_s")}
     return {**options, "score": score}
 
 
 def _own_metric(entry: Entry, path: str) -> dict[str, Any] | None:
-    """Return what must be the same of a metric that is not built in; None where the result does not have it."""
+    """Return the unit, direction and options of a user's metric; None where the result does not have the metric."""
     for metric in entry.result.summary.score.metrics:
         if metric.name == path:
             return {"unit": metric.unit, "better": metric.better, **metric.options}
@@ -258,7 +257,7 @@ def _motion(table: pa.Table) -> pa.Table | None:
 
 
 def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
-    """Return whether two motions are the same but for rounding: positions to a micrometre."""
+    """Return whether two tables of true motion are equal up to rounding: positions to a micrometre."""
     if ours is None or theirs is None or len(ours) != len(theirs):
         return False
     if ours["object"].to_pylist() != theirs["object"].to_pylist():
@@ -268,7 +267,6 @@ def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
 
 
 def _reason_for_other_noise(baseline: Entry, later: Entry) -> str:
-    """Return why the measurements of comparable results are not the same."""
     a, b = baseline.result.summary, later.result.summary
     pairs = {"seed": (a.seed, b.seed), "name": (a.scenario.name, b.scenario.name)}
     reasons = [f"{what} {theirs} here and {ours} there" for what, (ours, theirs) in pairs.items() if ours != theirs]

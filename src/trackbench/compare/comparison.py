@@ -27,32 +27,32 @@ _TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller":
 
 
 class Entrant(ResultModel):
-    """One tracker in one set of results."""
+    """Tracker of one set of results, as it takes part in a comparison."""
 
     tracker: str
     set: int = 0
-    """Number of the set, in the order given; 0 for the baseline."""
+    """Index of the set of results, in the order given; 0 for the baseline."""
 
 
 class ComparedResult(ResultModel):
-    """One result of a comparison."""
+    """Stored result that takes part in a comparison: runs, seed, expectations and pairing with the baseline."""
 
     set: int
     label: str
-    """Folder of the result, as the user named it."""
+    """Folder of the result, as the user wrote it."""
     runs: int
     seed: int
     expectations: int
     expectations_met: int
     shared_runs: int | None = None
-    """Number of runs with the measurements of a run of the baseline, over which the differences are paired; None where
+    """Number of runs with the same measurements as a run of the baseline, over which differences are paired; None where
     they are not paired."""
     reason: str = ""
     """Reason why the differences are paired, or not; empty for the baseline."""
 
 
 class ComparedScenario(ResultModel):
-    """One scenario, with its results in the order of the sets."""
+    """Scenario of a comparison, with its results in the order of the sets."""
 
     name: str
     description: str
@@ -60,45 +60,45 @@ class ComparedScenario(ResultModel):
 
 
 class SetOrigin(ResultModel):
-    """Origin of a set of results: time and code."""
+    """When and with which code a set of results was made, and what changed since the previous set."""
 
     set: int
     made_at: str | None
-    """Time at which the last of its runs began: UTC, ISO 8601; None in results of earlier versions."""
+    """Time at which the last of the set's runs began: UTC, ISO 8601; None in results of earlier versions."""
     commit: str | None
-    """Commit of the repository that holds the scenarios; None without one."""
+    """Commit of the repository that holds the scenarios; None without a repository."""
     changes: list[str]
     """Changes since the previous set, as the results state: versions, engine, trackers, scenario, code, commit; empty
     for the baseline."""
 
 
 class EntrantScore(ResultModel):
-    """Score of an entrant in a scenario."""
+    """Metrics and rank of one entrant in one scenario."""
 
     scenario: str
     entrant: Entrant
     metrics: dict[str, MetricValue]
-    """Metrics with a value, by path."""
+    """Metrics that have a value for this entrant, by dotted path such as ``rmse.px``."""
     diverged_runs: int
     rank: float | None
     """Rank in a single set: one, plus one for each tracker that is shown to be better by more than the margin, plus a
-    half for each where neither is better. None without a score, and with several sets."""
+    half for each tracker that is neither shown better nor worse. None without a score, and with several sets."""
     leading: bool
-    """Whether it is the best of the scenario, or was compared with the best and not shown to be worse by more than the
-    margin."""
+    """Whether the entrant is the best of the scenario, or was compared with the best and not shown to be worse by more
+    than the margin."""
     failure: str = ""
-    """Reason for a missing score."""
+    """Reason why the entrant has no score; empty where it has one."""
     reference: bool = False
-    """Whether it knows the origin of detections, or later measurements, so that the others are ranked without it."""
+    """Whether the tracker knows origins of detections or later measurements; the others are ranked without it."""
 
     def value(self, metric: str) -> float | None:
-        """Return the value of a metric, None if it has none."""
+        """Return the value of the metric at a path; None where the entrant has none."""
         value = self.metrics.get(metric)
         return None if value is None else value.value
 
 
 class PairDifference(ResultModel):
-    """Value of a metric for an entrant minus the value for another entrant, in one scenario."""
+    """Metric value of one entrant minus that of another entrant, in one scenario."""
 
     scenario: str
     metric: str
@@ -111,33 +111,32 @@ class PairDifference(ResultModel):
     """Value of ``against`` over the runs that are compared."""
     difference: float
     ci95: tuple[float, float] | None
-    """Interval of the difference; None with fewer than two runs."""
+    """95 % interval of the difference; None with fewer than two runs."""
     margin: float
-    """Largest difference that does not matter: the margin of the baseline, or a smaller limit."""
+    """Largest difference that does not matter: the margin of the baseline's scenario, or a smaller limit."""
     p_value: float
-    """P-value of the hypothesis that the difference is within the margin, corrected for the number of differences."""
+    """P-value of the hypothesis that the difference is within the margin, corrected for the number of tests."""
     paired_runs: int | None
-    """Number of runs over which it is paired; None for two independent samples."""
+    """Number of runs over which the two entrants are paired; None for two independent samples."""
     stretches: int | None = None
-    """Number of stretches of time of a single run or of few logs, where these are the independent parts."""
+    """Number of stretches of time that are the independent parts, for a single run or few logs; else None."""
     without_charged: float | None = None
-    """Difference over the given estimates alone, where over a tenth of either squared error is charged for missing
-    estimates. Neither entrant is called better where its sign differs."""
+    """Difference over the given estimates alone. None unless over a tenth of either squared error is charged for
+    missing estimates. If its sign differs from that of ``difference``, neither entrant is called better."""
     scenes: int
-    """Number of scenes of the runs; several scenes are the independent parts."""
+    """Number of scenes of the compared runs; several scenes are the independent parts."""
     few_scenes_decide: bool = False
-    """Whether one scene of a hundred may decide."""
+    """Whether one rare scene in a hundred may decide which of two trackers is better, as vehicles hide others."""
     scenes_in_words: str = ""
-    """Number and kind of the scenes, such as "6 sequences"; empty for one scene."""
+    """Number and kind of the compared scenes, such as "6 sequences"; empty for one scene."""
     repeatable: bool = False
-    """With a limit: whether both results are of the same recorded data, in which nothing is drawn."""
+    """With a limit: whether both results come from the same recorded data, without random numbers."""
     verdict: str
-    """One of :data:`trackbench.metrics.differences.VERDICTS`."""
+    """Verdict on ``entrant``: better, worse, larger, smaller, equivalent or undecided."""
     scenes_ahead: tuple[int, int] | None = None
-    """Number of scenes in which the entrant is better, and number of all scenes; None for one scene."""
+    """Number of scenes in which ``entrant`` has the better value, and number of all scenes; None for one scene."""
     log_ratio: LogRatio | None = None
-    """Logarithm of the ratio of the value to the reference, from which scenarios are pooled; None where one of them is
-    not positive."""
+    """Logarithm of value over reference, from which scenarios are pooled; None where either is not positive."""
 
     def turned(self) -> PairDifference:
         """Return the difference with both entrants exchanged."""
@@ -158,12 +157,12 @@ class PairDifference(ResultModel):
 
     @property
     def percent(self) -> float | None:
-        """Difference in percent of the reference; None for a reference of zero."""
+        """Difference in percent of the reference value; None where that is zero."""
         return 100.0 * self.difference / abs(self.reference) if self.reference else None
 
     @property
     def percent_ci95(self) -> tuple[float, float] | None:
-        """Interval of the difference in percent of the reference, which is taken as known."""
+        """Interval of the difference in percent of the reference value, whose uncertainty is ignored."""
         if self.ci95 is None or not self.reference:
             return None
         low, high = (100.0 * end / abs(self.reference) for end in self.ci95)
@@ -171,7 +170,7 @@ class PairDifference(ResultModel):
 
     @property
     def ratio_ci95(self) -> tuple[float, float] | None:
-        """Interval of the ratio less one, in percent; it allows for the uncertainty of the reference too."""
+        """Interval of the ratio less one, in percent; the uncertainty of the reference value is included."""
         ratio = self.log_ratio
         if ratio is None or ratio.error is None:
             return None
@@ -180,14 +179,14 @@ class PairDifference(ResultModel):
 
     @property
     def identical(self) -> bool:
-        """Whether both entrants had the same value in every run, but for rounding."""
+        """Whether both entrants had the same value in every run, up to rounding."""
         reach = max(abs(self.value), abs(self.reference)) * ROUNDING
         ends = self.ci95 or (self.difference,)
         return self.paired_runs is not None and max(map(abs, ends)) <= reach
 
 
 class NotCompared(ResultModel):
-    """Pair of entrants that could not be compared by a metric."""
+    """Pair of entrants that could not be compared by a metric, with the reason."""
 
     scenario: str
     metric: str
@@ -195,50 +194,51 @@ class NotCompared(ResultModel):
     against: Entrant
     reason: str
     of_entrant: bool
-    """Whether only ``entrant`` has no value."""
+    """Whether only ``entrant`` lacks a value, and ``against`` has one."""
 
 
 class OverallChange(ResultModel):
-    """Change of a metric of an entrant against the baseline, over the scenarios in which both have a value."""
+    """Change of one metric of an entrant against the baseline, pooled over the scenarios in which both have a value."""
 
     metric: str
     entrant: Entrant
     against: Entrant
     verdicts: dict[str, int]
-    """Number of scenarios by verdict."""
+    """Number of scenarios with each verdict on ``entrant``."""
     mean_percent: float | None
-    """Geometric mean of the ratios less one, in percent; None where a value is not positive."""
+    """Geometric mean over scenarios of the ratio to the baseline, less one, in percent; None where a value is not
+    positive."""
     ci95: tuple[float, float] | None = None
-    """95 % interval of ``mean_percent``, over other noise and scenes of these scenarios. None where a scenario's
-    difference has no interval, and where both trackers have the same value in every run."""
+    """95 % interval of ``mean_percent`` for these scenarios with other noise and scenes. None where a scenario's
+    difference has no interval, or both trackers have the same value in every run."""
 
 
 class RankedTracker(ResultModel):
-    """Mean rank and record of one tracker over all its scenarios."""
+    """Mean rank of one tracker over all its scenarios, with the numbers of pairings won, lost and tied."""
 
     tracker: str
     scenarios: int
     mean_rank: float
     ci95: tuple[float, float] | None
-    """95 % interval of the mean rank. None where there are too few trackers or sets of scenes for it, and where it has
-    no width or covers all ranks."""
+    """95 % interval of the mean rank. None with too few trackers or sets of scenes, and where the interval would have
+    no width or cover all ranks."""
     won: int
-    """Number of pairings in a scenario in which its error is shown to be smaller by more than the margin."""
+    """Number of pairings, in all scenarios, in which the error is shown to be smaller by more than the margin."""
     lost: int
     tied: int
-    """Number of pairings in which neither error is shown to be smaller."""
+    """Number of pairings, in all scenarios, in which neither error is shown to be smaller."""
     consistent_scenarios: int
-    """Number of scenarios in which the covariance is as large as the errors."""
+    """Number of scenarios in which the tracker's covariance is as large as its errors."""
     judged_scenarios: int
-    """Number of scenarios with a verdict on the covariance."""
+    """Number of scenarios with a verdict on the tracker's covariance."""
     diverged_runs: int
     failed_scenarios: int
     reference: bool = False
-    """Whether it is no competitor: it stands after the others, with the rank that it would have."""
+    """Whether the tracker is no competitor: it is listed after the others, with the rank that it would have."""
 
 
 class RankDifference(ResultModel):
-    """Test of the mean ranks of two trackers."""
+    """Test whether two trackers differ in their mean rank over scenarios."""
 
     a: str
     b: str
@@ -256,12 +256,12 @@ class GateResult(ResultModel):
     metric: str
     percent: float
     outcome: GateOutcome
-    """Outcome by the rule of :func:`trackbench.compare.limits.gate_results`; ``error``: the entrant has no value."""
+    """passed, failed or undecided, by the test of a limit; ``error`` where the entrant has no value."""
     text: str
 
 
 class OrderInWorlds(ResultModel):
-    """Order of two trackers in each world of a scenario."""
+    """Which of two trackers is better in each world of a scenario."""
 
     scenario: str
     """Name of the scenario without its world."""
@@ -269,12 +269,12 @@ class OrderInWorlds(ResultModel):
     """Tracker with the smaller error in the first world."""
     b: str
     ahead: dict[str, str | None]
-    """Tracker that is shown to be better by more than the margin, by world; None where neither is. Corrected for the
-    pairs of all worlds of the scenario."""
+    """Tracker that is shown to be better by more than the margin, by name of the world; None where neither is. The
+    tests are corrected for the pairs in all worlds of the scenario."""
 
     @property
     def order(self) -> Literal["holds", "turns", "holds in part", "not shown"]:
-        """Order over all worlds. turns: each tracker is ahead in some world; holds: one is ahead in every world."""
+        """Order over all worlds. holds: the same tracker is ahead in each; turns: each is ahead in some world."""
         winners = {*self.ahead.values()}
         if {self.a, self.b} <= winners:
             return "turns"
@@ -291,44 +291,45 @@ class Comparison(ResultModel):
 
     schema_version: int = SCHEMA_VERSION
     sets: list[str]
-    """Labels of the sets."""
+    """Labels of the sets of results, the baseline first."""
     ranked_by: str = "position_rmse"
-    """Metric that ranks trackers; ``tgospa`` with hidden identities."""
+    """Metric that ranks trackers in these scenarios; ``tgospa`` with hidden identities."""
     scenarios: list[ComparedScenario] = Field(min_length=1)
     scores: list[EntrantScore]
     differences: list[PairDifference]
-    """Differences of every pair of trackers in a single set, or of each entrant to the baseline with several sets."""
+    """Differences of every pair of trackers of a single set, or of each entrant to the baseline of several sets."""
     overall: list[OverallChange]
-    """Changes over several scenarios; else empty."""
+    """Changes against the baseline, pooled over several scenarios; empty for one scenario."""
     baseline: str | None = None
-    """Tracker that the others are compared with in ``overall``: ``score.baseline`` of all scenarios, else the best.
+    """Tracker that the others are compared with in ``overall``: the ``score.baseline`` of all scenarios, else the best.
     None unless a single set has several scenarios."""
     sets_of_scenes: list[list[str]]
-    """Sets of scenarios that share scenes; the ranking counts each set once."""
+    """Names of the scenarios, grouped where they share scenes; the ranking counts each group once."""
     ranking: list[RankedTracker]
-    """Trackers of a single set, best first."""
+    """Trackers of a single set by mean rank, best first."""
     rank_differences: list[RankDifference]
     """Tests of every pair of trackers of a single set over several scenarios, in the order of the ranking."""
     gates: list[GateResult]
     not_compared: list[NotCompared]
     notes: list[str]
-    """Remarks that a reader needs beside the numbers."""
+    """Remarks for the reader on what limits or qualifies the comparison."""
     worlds: list[OrderInWorlds] = Field(default_factory=list)
     """Order of every pair of trackers of a single set, for scenarios in several worlds."""
     places: dict[str, int] = Field(default_factory=dict)
-    """Place of each tracker in the first scenario that has it, which gives its colour; the first group has all."""
+    """Index of each tracker in the first scenario file that has it, which selects its colour; only the first group has
+    this."""
     origins: list[SetOrigin] = Field(default_factory=list)
-    """Origin of each of several sets; the first group has all."""
+    """When and with which code each of several sets was made; only the first group has this."""
     without_truth: list[str] = Field(default_factory=list)
-    """Scenarios that are not compared, as they have no truth."""
+    """Names of the scenarios that are not compared because they have no truth."""
     commands: list[str] = Field(default_factory=list)
     """Commands that repeat the runs and the comparison; empty where a result does not say how it was made."""
     other_groups: list[Comparison] = Field(default_factory=list)
-    """Comparisons of the same sets, one for each other metric that ranks; these have no other groups."""
+    """Comparisons of the same sets in the scenarios that other metrics rank; theirs are empty."""
 
     @property
     def groups(self) -> list[Comparison]:
-        """Comparisons of the scenarios that each metric ranks."""
+        """One comparison for each metric that ranks trackers, over the scenarios in which it ranks them."""
         others = [group.model_copy(update={"origins": self.origins}) for group in self.other_groups]
         return [self.model_copy(update={"other_groups": []}), *others]
 
@@ -339,21 +340,21 @@ class Comparison(ResultModel):
 
     @property
     def outcomes(self) -> list[GateOutcome]:
-        """Outcomes of all limits, group by group."""
+        """Outcome of each limit for each tracker and scenario, group by group."""
         return [item.outcome for group in self.groups for item in group.gates]
 
     @property
     def trackers(self) -> list[str]:
-        """Every tracker of every group, in the order in which they first appear."""
+        """Names of the trackers of all groups, in the order in which they first appear."""
         return list(dict.fromkeys(score.entrant.tracker for group in self.groups for score in group.scores))
 
     def by_metric(self) -> Iterator[tuple[str, list[PairDifference]]]:
-        """Yield each metric with its differences."""
+        """Yield the path of each metric with the differences by this metric."""
         for metric in dict.fromkeys(item.metric for item in self.differences):
             yield metric, [item for item in self.differences if item.metric == metric]
 
     def json(self) -> dict[str, Any]:  # type: ignore[override]
-        """Return the comparison as JSON values: four significant digits and no times, so it can be a reference."""
+        """Return the comparison as JSON values that machines agree on: four significant digits, no computing times."""
         values = _rounded(self.model_dump(mode="json"))
         for group in (values, *values["other_groups"]):
             for score in group["scores"]:
@@ -365,7 +366,7 @@ class Comparison(ResultModel):
 
 
 def as_percent(log_ratio: float) -> float:
-    """Return a ratio less one in percent, from its logarithm."""
+    """Return by how many percent a ratio exceeds one, from the natural logarithm of the ratio."""
     return float(100.0 * np.expm1(log_ratio))
 
 
@@ -380,7 +381,7 @@ def _rounded(value: Any) -> Any:
 
 
 def load_comparison(file: Path) -> Comparison:
-    """Load a comparison that was kept as JSON.
+    """Load a comparison from its JSON file.
 
     Raises:
         InputError: the file cannot be read, or is no comparison of this version.

@@ -30,29 +30,29 @@ NOTED = 0.01
 
 @dataclass(frozen=True)
 class Match:
-    """Two results of one scenario, or one result twice, and the pairs of their trackers that are compared."""
+    """Result and the baseline that it is compared with (or the same result), with the compared pairs of trackers."""
 
     scenario: str
     entry: Entry
     against: Entry
     number: int
-    """Number of the set of ``entry``; ``against`` is in set 0."""
+    """Index of the set that ``entry`` belongs to; ``against`` belongs to set 0."""
     how: Comparability
     pairs: tuple[tuple[str, str], ...]
     selected: bool = False
-    """Whether all others are compared with the tracker that is the best in the same data."""
+    """Whether all trackers are compared with the one that was best in the same data."""
 
     def choices(self, metric: Metric) -> float:
-        """Return the factor ``choices`` of :func:`trackbench.metrics.differences.corrected_p_values`."""
+        """Return the factor on p-values for the choice of the best tracker in the same data; 0 without a choice."""
         return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
 
     def entrants(self, pair: tuple[str, str]) -> tuple[Entrant, Entrant]:
-        """Return each tracker of a pair with its set."""
+        """Return both trackers of a pair as entrants of their sets."""
         return Entrant(tracker=pair[0], set=self.number), Entrant(tracker=pair[1])
 
 
 def match_within(entry: Entry, trackers: Sequence[str]) -> Match:
-    """Pair the trackers of one result: each with each, or with the baseline, or if they are many with the best."""
+    """Pair the trackers of one result: each with the baseline if there is one, many with the best, else all pairs."""
     how, score = Comparability.of_all(entry.result.summary.runs, ""), entry.result.summary.score
     names, against = list(trackers), score.baseline if score.baseline in trackers else None
     selected = against is None and len(names) > MOST_PAIRED
@@ -64,7 +64,7 @@ def match_within(entry: Entry, trackers: Sequence[str]) -> Match:
 
 
 def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Pair each tracker of a later result with the one of the same name; single trackers whatever their names."""
+    """Pair each tracker of a later result with its namesake in the baseline; a single tracker with a single one."""
     if len(ours) == len(theirs) == 1:
         return ((theirs[0], ours[0]),)
     return tuple((name, name) for name in ours if name in theirs)
@@ -77,7 +77,7 @@ def judged_differences(
     over_scenarios: bool,
     limits: Mapping[str, float] | None = None,
 ) -> tuple[list[PairDifference], list[NotCompared]]:
-    """Return the difference of every pair of every match by every metric, and the pairs without a value.
+    """Return the difference of every compared pair by every metric, and the pairs in which one has no value.
 
     The p-values are corrected for their number, over all metrics together: in all scenarios, or within each scenario
     and its worlds. With several sets, pairs that are equal in every run do not count: they cannot be called different.
@@ -110,7 +110,7 @@ def judged_differences(
 
 
 class _Uncorrected(NamedTuple):
-    """Difference with its p-value before the correction, and the data for the correction."""
+    """Difference whose p-value is not corrected yet, with the data for the correction."""
 
     item: PairDifference
     contrast: Contrast
@@ -118,7 +118,7 @@ class _Uncorrected(NamedTuple):
     choices: float
 
     def judged(self, p_value: float) -> PairDifference:
-        """Return the difference with its corrected p-value and verdict."""
+        """Return the difference with the corrected p-value and the verdict that follows from it."""
         verdict = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
         return self.item.model_copy(update={"p_value": p_value, "verdict": verdict})
 
@@ -183,13 +183,13 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
 
 
 def differences_to(baseline: str, differences: Sequence[PairDifference]) -> list[PairDifference]:
-    """Return the differences of all other trackers of a set to the baseline."""
+    """Return the differences of all other trackers of a single set to the tracker ``baseline``."""
     turned = (item.turned() if item.entrant.tracker == baseline else item for item in differences)
     return [item for item in turned if item.against.tracker == baseline]
 
 
 def _scenes_ahead(match: Match, pair: tuple[str, str]) -> tuple[int, int] | None:
-    """Return the number of scenes in which the first of a pair has the smaller error, and the number of all scenes."""
+    """Return the number of scenes in which the first tracker has the smaller error, and the number of all scenes."""
     scenes, scenes_of_other = (entry.result.summary.truth.scenes for entry in (match.entry, match.against))
     if len(scenes) < 2 or [scene.name for scene in scenes] != [scene.name for scene in scenes_of_other]:
         return None
@@ -204,7 +204,7 @@ def _scenes_ahead(match: Match, pair: tuple[str, str]) -> tuple[int, int] | None
 def coverage_notes(
     matches: Sequence[Match], differences: Sequence[PairDifference], metrics: Sequence[Metric]
 ) -> Iterator[str]:
-    """Name compared pairs in which one gave fewer estimates; say if the charge for missing ones decides the sign."""
+    """Yield notes on pairs in which one gave fewer estimates, and whether the charge for missing ones sets the sign."""
     compared = {(item.scenario, item.entrant, item.against) for item in differences}
     directed = [metric.path for metric in metrics if metric.better is not None]
     uncounted = [

@@ -32,10 +32,10 @@ ANY = {"known": "trackers={raw: {use: raw}}", "hidden": "trackers={one: {use: tr
 
 @dataclass(frozen=True)
 class Entry:
-    """One result of a comparison."""
+    """Stored result that takes part in a comparison, with its folder."""
 
     label: str
-    """Folder of the result, as the user named it."""
+    """Folder of the result, as the user wrote it."""
     result: Result
 
     @property
@@ -45,7 +45,7 @@ class Entry:
 
     @cached_property
     def scenario(self) -> ScenarioConfig:
-        """Scenario as it was run, without its trackers, metrics and expectations.
+        """Scenario as it was run, but without trackers, metrics and expectations.
 
         Raises:
             InputError: this version does not read the scenario, or a plug-in of its truth or sensors is missing.
@@ -61,7 +61,7 @@ class Entry:
             raise InputError(f"{problem}: {error.message}", file=self.label, key=error.key) from None
 
     def table(self, name: str) -> pa.Table:
-        """Return a table of the result.
+        """Return the table of the result with this name.
 
         Raises:
             InputError: the table is missing or damaged.
@@ -71,17 +71,17 @@ class Entry:
         return self.result.tables[name]
 
     def failure(self, tracker: str) -> str | None:
-        """Return why a tracker is not compared with others; None if it is."""
+        """Return why a tracker is not compared with the others; None where it is compared."""
         return self.result.why_unscored(self.result[tracker]) or None
 
     def coverage(self, tracker: str) -> float:
-        """Return the share of the due estimates that a tracker gave; 0 without such a metric."""
+        """Return the share of the due estimates that a tracker gave; 0 if the result does not state it."""
         metric = self.result[tracker].metrics.get("coverage")
         return (metric.value if metric else None) or 0.0
 
     @cached_property
     def stretches(self) -> int:
-        """Number of stretches of time on which intervals rest; 0 where they rest on runs or scenes."""
+        """Number of stretches of time that intervals rest on; 0 where they rest on runs or scenes."""
         table = self.result.tables.if_there("stretches")
         return len(pc.unique(table["stretch"])) if len(table) else 0
 
@@ -91,11 +91,11 @@ class Entry:
 
     @cached_property
     def repeatable(self) -> bool:
-        """Whether nothing is drawn: a tracker that stays the same has the same values however often it is run."""
+        """Whether no random numbers are drawn: an unchanged tracker has the same values in each repetition."""
         return same_every_run(self.scenario)
 
     def without_interval(self, metric: Metric) -> str:
-        """Return why this result cannot show a regression of a metric, and what would; empty where it can.
+        """Return why the result cannot show that a metric got worse, and what would help; empty where it can.
 
         A regression takes an interval, or recorded data in which nothing is drawn.
         """
@@ -121,7 +121,7 @@ class Entry:
     def interval(
         self, tracker: str, metric: Metric, runs: NDArray[np.intp] | None = None, *, over_stretches: bool = False
     ) -> Interval | None:
-        """Return a metric of a tracker with the influence of each run; None where there is nothing to compare.
+        """Return a metric of a tracker with the influence of each run or scene; None where there is nothing to compare.
 
         With several scenes, it has the influence of each scene.
 
@@ -165,12 +165,12 @@ class ResultSet:
 
 
 def results_in(folder: Path, finished: Sequence[Result]) -> ResultSet:
-    """Make a set of finished results; each is labelled as a folder, with the scenario's name, within ``folder``."""
+    """Make a set of finished results; the label of each is a folder of its scenario's name in ``folder``."""
     return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in finished))
 
 
 def find_results(path: Path) -> ResultSet:
-    """Load the result in the folder of a run, which its ``result.json`` may name, or all results in a folder's folders.
+    """Load the result in the folder of a run, or all results in the subfolders of a folder.
 
     Raises:
         InputError: there is no result, one cannot be read, or two are of the same scenario.

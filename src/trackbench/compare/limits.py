@@ -15,17 +15,17 @@ OPTION = "--fail-on-regression"
 
 
 class Limit(NamedTuple):
-    """Largest allowed worsening of a metric."""
+    """Largest percentage by which a metric may be worse than in the baseline."""
 
     metric: str
     percent: float
 
     @classmethod
     def parse(cls, text: str) -> Limit:
-        """Parse a limit such as ``position_rmse:5`` or ``position_rmse:5%``.
+        """Parse a limit from the command line, such as ``position_rmse:5`` or ``position_rmse:5%``.
 
         Raises:
-            InputError: the text is no limit.
+            InputError: the text does not state a limit.
         """
         metric, colon, number = text.rpartition(":")
         if not colon:
@@ -101,7 +101,7 @@ def _text(item: PairDifference, limit: Limit, outcome: GateOutcome) -> str:
 
 
 def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
-    """Return the outcomes in words: "2 of 2 limits kept", "1 of 3 limits broken, 1 not shown to be kept"."""
+    """Return how many limits are kept or broken: "2 of 2 limits kept", "1 of 3 limits broken"."""
     broken, undecided = sum(item in ("failed", "error") for item in outcomes), outcomes.count("undecided")
     parts = [(broken, "broken"), (undecided, "not shown to be kept")]
     (number, word), *rest = [part for part in parts if part[0]] or [(len(outcomes), "kept")]

@@ -14,11 +14,11 @@ from trackbench.metrics.contrasts import LogRatio
 def overall(
     differences: Sequence[PairDifference], sets: Sequence[Sequence[str]], scores: Sequence[EntrantScore]
 ) -> list[OverallChange]:
-    """Return the change of each entrant against the baseline, over the scenarios.
+    """Return the change of each entrant against the baseline, pooled over the scenarios, for each metric.
 
     Args:
         differences: differences to the baseline.
-        sets: sets of scenarios that share scenes, see :func:`trackbench.compare.ranking.sets_of_scenes`.
+        sets: names of scenarios, grouped where they share scenes.
         scores: scores of the entrants; where runs diverged, few decide a mean, and the pooled one has no interval.
     """
     number = {scenario: number for number, members in enumerate(sets) for scenario in members}
@@ -50,7 +50,7 @@ def overall(
 
 
 def pooled(ratios: Sequence[LogRatio], sets: Sequence[int]) -> tuple[float, float | None]:
-    """Return the mean of the log ratios of all scenarios, and half of its 95 % interval.
+    """Return the mean over all scenarios of the log ratios of errors, and half of its 95 % interval.
 
     The scenarios are fixed: their ratios may differ, and the interval is over other noise and scenes of each. Errors
     of scenarios that share scenes are added as fully correlated, the others are independent. Source of the degrees of

@@ -30,7 +30,7 @@ SHOWN = {
 
 
 class Pairings:
-    """Verdicts on pairs of trackers in each scenario, by the metric that ranks."""
+    """Verdicts on pairs of trackers in each scenario, by the metric that ranks trackers."""
 
     def __init__(self, differences: Sequence[PairDifference], metric: str) -> None:
         self.metric = metric
@@ -42,15 +42,15 @@ class Pairings:
                 self._better[item.scenario, frozenset((a, b))] = better
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
-        """Return the tracker that is shown to be better; None where neither is."""
+        """Return the one of two trackers that is shown to be better in a scenario; None where neither is."""
         return self._better.get((scenario, frozenset((a, b))))
 
     def compared(self, scenario: str, a: str, b: str) -> bool:
-        """Return whether the two trackers were compared."""
+        """Return whether the two trackers were compared in a scenario."""
         return (scenario, frozenset((a, b))) in self._better
 
     def rank(self, scenario: str, name: str, names: Sequence[str]) -> float:
-        """Return the rank: one, plus one for each tracker that is better, plus a half for each where neither is."""
+        """Return the rank among ``names``: 1, plus 1 for each better tracker, plus 1/2 for each undecided one."""
         winners = [self.better(scenario, name, other) for other in names if other != name]
         return 1.0 + sum(0.5 if better is None else float(better != name) for better in winners)
 
@@ -65,7 +65,7 @@ def entrant_scores(
 ) -> list[EntrantScore]:
     """Return the scores of the trackers of one result, in the order of the scenario; ranked if ``pairings`` are given.
 
-    ``compared`` names metrics to keep beside those that are always shown.
+    ``compared``: paths of metrics to keep beside those that are always shown.
     """
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
     contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in trackers]
@@ -101,7 +101,7 @@ def _leads(name: str, best: str, scenario: str, pairings: Pairings) -> bool:
 
 
 def sets_of_scenes(scenes: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """Return the sets of scenarios that share scenes, directly or through other scenarios, in the order of the first.
+    """Return the scenarios grouped where they share scenes, directly or through others, in the order of the first.
 
     Args:
         scenes: fingerprints of the scenes of each scenario; a scenario without any is a set of its own.
@@ -118,14 +118,14 @@ def sets_of_scenes(scenes: Mapping[str, Sequence[str]]) -> list[list[str]]:
 
 
 def _share(first: Sequence[str], second: Sequence[str]) -> bool:
-    """Return whether a scene of one list is the beginning of a scene of the other, or equal to it."""
+    """Return whether two lists of scene fingerprints have a scene in common, perhaps recorded for different times."""
     return any(a.startswith(b) or b.startswith(a) for a in first for b in second)
 
 
 def ranked_trackers(
     scored: Sequence[EntrantScore], pairings: Pairings, sets: Sequence[Sequence[str]]
 ) -> tuple[list[RankedTracker], list[RankDifference]]:
-    """Return every tracker of one set of results, by mean rank, and the tests of their mean ranks.
+    """Return the trackers of one set of results by mean rank, and the tests of every two mean ranks.
 
     If mean ranks are equal, the smaller geometric mean of the errors is first. References stand after the others, which
     are ranked without them. Trackers without a score in a scenario share its last places. Where a scenario lacks some
@@ -134,7 +134,7 @@ def ranked_trackers(
     Args:
         scored: scores of every tracker in every scenario.
         pairings: verdicts on pairs of trackers.
-        sets: sets of scenarios that share scenes, see :func:`sets_of_scenes`.
+        sets: names of scenarios, grouped where they share scenes.
     """
     references = {score.entrant.tracker for score in scored if score.reference}
     competing = [score for score in scored if score.entrant.tracker not in references]
@@ -205,7 +205,7 @@ def _relative_errors(scenarios: Sequence[dict[str, EntrantScore]], metric: str) 
 
 
 def _telling(interval: tuple[float, float] | None, trackers: int) -> tuple[float, float] | None:
-    """Return the interval of a mean rank if it has a width and leaves out some ranks, else None."""
+    """Return the interval of a mean rank; None if it has no width or covers all ranks."""
     return interval if interval and interval[0] < interval[1] and interval != (1.0, trackers) else None
 
 
@@ -237,7 +237,7 @@ def _rank_differences(
 
 
 def _ranks(scenario: dict[str, EntrantScore], names: Sequence[str]) -> list[float]:
-    """Return the rank of each tracker in the whole field, NaN where it did not take part."""
+    """Return each tracker's rank in one scenario, scaled to the whole field; NaN for one that did not take part."""
     ranked = sum(score.rank is not None for score in scenario.values())
     last = (ranked + 1 + len(scenario)) / 2
     scale = (len(names) - 1) / max(1, len(scenario) - 1)
@@ -250,7 +250,7 @@ def _ranks(scenario: dict[str, EntrantScore], names: Sequence[str]) -> list[floa
 
 
 def _outcome(scenario: dict[str, EntrantScore], name: str, against: str, pairings: Pairings) -> str:
-    """Return won, lost or tied: a tracker without a score loses against one with a score, an absent tracker ties."""
+    """Return ``won``, ``lost`` or ``tied``. Without a score a tracker loses to one with a score; an absent one ties."""
     ours, theirs = scenario.get(name), scenario.get(against)
     if ours is None or theirs is None:
         return "tied"
@@ -315,6 +315,6 @@ def sign_flip(differences: Array) -> Array:
 
 
 def fewest_sets(trackers: int) -> int:
-    """Return the least number of sets of scenes with which two of these trackers can be shown to differ."""
+    """Return the least number of sets of scenes with which any two of ``trackers`` trackers can be shown to differ."""
     pairs = trackers * (trackers - 1) / 2
     return next(count for count in range(1, 100) if pairs * 2.0 ** (1 - count) < LEVEL)

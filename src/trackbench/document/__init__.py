@@ -29,11 +29,11 @@ class TrackerStyle:
     """Colour, line and marker of a tracker in every figure."""
 
     key: str
-    """CSS class and SVG id of everything drawn for the tracker."""
+    """CSS class and SVG id of all that is drawn for the tracker."""
     name: str
     colour: str
     line: Any = "solid"
-    """Matplotlib line style; with the marker it tells trackers of one colour apart."""
+    """Line style of matplotlib; line and marker distinguish trackers that share a colour."""
     marker: str = ""
 
     @property
@@ -49,7 +49,7 @@ class TrackerStyle:
 
 @dataclass(frozen=True)
 class Cell:
-    """Cell of a table."""
+    """Text in a table, with its emphasis, small print, footnote and bar."""
 
     text: str
     details: tuple[str, ...] = ()
@@ -58,15 +58,15 @@ class Cell:
     reason: str = ""
     """Reason for a missing value, shown as a footnote."""
     tracker: str = ""
-    """Tracker that the cell names; empty in other cells."""
+    """Name of the tracker, if the cell is its name; else empty."""
     strong: bool = False
     """Whether the cell stands out, such as the best value."""
     link: str = ""
     """Path that the cell links to, relative to the document."""
     chip: bool = False
-    """Whether the text is a verdict, which a page shows as a coloured label."""
+    """Whether an HTML page shows the text, a verdict, as a coloured label."""
     bar: tuple[float, float, float] | None = None
-    """Value and the ends of its interval, which a page draws under the text on the axis of the column."""
+    """Value, lower and upper end of its interval, which an HTML page draws as a bar; None for no bar."""
 
 
 #: An axis cuts off values more than this many times the lower median.
@@ -74,7 +74,7 @@ CUT_OFF_FACTOR = 4.0
 
 
 def end_of_axis(sizes: Iterable[float]) -> float:
-    """Return the largest positive size that an axis shows without cutting it off; 0 without any."""
+    """Return the largest positive size that is no outlier, where an axis of bars ends; 0 if no size is positive."""
     ordered = sorted(size for size in sizes if size > 0)
     limit = CUT_OFF_FACTOR * ordered[(len(ordered) - 1) // 2] if ordered else 0.0
     return max((size for size in ordered if size <= limit), default=0.0)
@@ -85,17 +85,17 @@ class Column:
     """Heading of a column."""
 
     heading: str
-    """Heading with the unit of the numbers below."""
+    """Text of the heading, with the unit of the values below."""
     explanation: str = ""
     left: bool = False
     """Whether the cells are flush left (names, sentences) instead of flush right (numbers)."""
     details: str = "details"
-    """Heading of the cells' small print, which is a column of its own in CSV files."""
+    """Heading of the cells' small print, for CSV files, in which it is a column of its own."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under headings. A renderer numbers the reasons for missing values as footnotes."""
+    """Rows of cells under headings; reasons for missing values become numbered footnotes."""
 
     name: str
     """Name of the table's file (CSV, LaTeX), without ending."""
@@ -105,36 +105,36 @@ class Table:
 
     @classmethod
     def of_columns(cls, name: str, columns: Sequence[tuple[Column, Sequence[Cell]]], caption: str = "") -> Table:
-        """Return a table from its columns, each with its cells from the top."""
+        """Return a table made from columns, each a heading with its cells from top to bottom."""
         rows = zip(*(cells for _, cells in columns), strict=True)
         return cls(name, tuple(column for column, _ in columns), tuple(rows), caption)
 
     @property
     def reasons(self) -> list[str]:
-        """Reasons for missing values, without repetitions."""
+        """Distinct reasons for missing values, the footnotes of the table, in reading order."""
         return list(dict.fromkeys(cell.reason for row in self.rows for cell in row if cell.reason))
 
     @property
     def key_column(self) -> int:
-        """Index of the column that names the row; it stays in sight where the table scrolls."""
+        """Index of the column that names the row, which stays in sight when the table scrolls."""
         first = self.rows[0] if self.rows else ()
         return next((i for i, cell in enumerate(first) if cell.tracker), 0)
 
     def axis(self, index: int) -> tuple[float, float]:
-        """Return the lower and upper end of the axis for the bars of a column; it includes zero."""
+        """Return the lower and upper end of the axis on which a column's bars are drawn; it includes zero."""
         bars = [row[index].bar for row in self.rows]
         limit = end_of_axis(abs(bar[0]) for bar in bars if bar)
         shown = [end for bar in bars if bar and abs(bar[0]) <= limit for end in bar]
         return min(0.0, *shown), max(0.0, *shown)
 
     def mark(self, cell: Cell) -> str:
-        """Return the number of a cell's footnote; empty without one."""
+        """Return the number of a cell's footnote as text; empty for a cell without footnote."""
         return str(self.reasons.index(cell.reason) + 1) if cell.reason else ""
 
 
 @dataclass(frozen=True)
 class LegendEntry:
-    """Line of a figure's legend."""
+    """Entry in a figure's legend: label, colour and symbol."""
 
     label: str
     colour: str
@@ -146,7 +146,7 @@ class LegendEntry:
 
 @dataclass(frozen=True)
 class Figure:
-    """Figure, drawn only when a renderer needs it."""
+    """Figure with title, caption and legend, drawn only when an output format needs it."""
 
     name: str
     """Name of the figure's file, without ending: letters, digits and dashes."""
@@ -155,21 +155,21 @@ class Figure:
     alternative: str
     """Text alternative for readers who cannot see the figure."""
     paint: Callable[[figure.Figure], None]
-    """Function that draws on an empty matplotlib figure."""
+    """Function that draws the content on an empty matplotlib figure."""
     height: float
-    """Height, pixels."""
+    """Height of the figure, pixels."""
     width: float | None = None
-    """Width, pixels; None for the width of a column of text."""
+    """Width of the figure, pixels; None for the width of a column of text."""
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
     """Tooltips by the gid of a matplotlib artist."""
     replay: ReplayScene | None = None
-    """Scene that a page plays in place of the figure."""
+    """Scene that an HTML page plays in place of the figure; None to show the figure."""
 
 
 @dataclass(frozen=True)
 class Paragraph:
-    """One or more sentences."""
+    """Paragraph of one or more sentences."""
 
     text: str
     strong: bool = False
@@ -177,7 +177,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Status:
-    """Highlighted words, such as "2 of 3 expectations failed"."""
+    """Highlighted outcome, such as "2 of 3 expectations failed"."""
 
     text: str
     tone: Tone = ""
@@ -185,15 +185,15 @@ class Status:
 
 @dataclass(frozen=True)
 class Item:
-    """Line of a list."""
+    """Entry of a list: label, text and small print."""
 
     text: str
     label: str = ""
-    """Subject of the line, shown before the text."""
+    """Subject of the entry, shown before the text."""
     detail: str = ""
     """Small print after the text."""
     tracker: str = ""
-    """Tracker that the label names; empty for other labels."""
+    """Name of the tracker, if the label is its name; else empty."""
     tone: Tone = ""
 
 
@@ -215,7 +215,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Row:
-    """Blocks beside each other, where there is room."""
+    """Blocks shown side by side where the page is wide enough."""
 
     blocks: tuple[Block, ...]
 
@@ -235,27 +235,27 @@ Block = Paragraph | Status | Items | Code | Table | Figure | Row | Section
 
 @dataclass(frozen=True)
 class Document:
-    """Whole report."""
+    """Whole report: title, facts and blocks, free of markup."""
 
     kind: str
     """Kind of report, such as "report" or "comparison"."""
     title: str
     blocks: tuple[Block, ...]
     lead: str = ""
-    """Sentence under the title."""
+    """Introductory sentence under the title."""
     facts: tuple[str, ...] = ()
     """Short facts about the run, such as "seed 7"."""
     trackers: tuple[TrackerStyle, ...] = ()
-    """Styles of the drawn trackers."""
+    """Styles of the trackers that the figures show."""
 
     @property
     def tables(self) -> list[Table]:
-        """Tables of all rows and sections, in reading order."""
+        """All tables of the document, also inside rows and sections, in reading order."""
         return [block for block in all_blocks(self.blocks) if isinstance(block, Table)]
 
     @property
     def figures(self) -> list[Figure]:
-        """Figures of all rows and sections, in reading order."""
+        """All figures of the document, also inside rows and sections, in reading order."""
         return [block for block in all_blocks(self.blocks) if isinstance(block, Figure)]
 
 
@@ -281,7 +281,7 @@ def with_name_prefix(blocks: Sequence[Block], prefix: str) -> tuple[Block, ...]:
 
 
 def without_figures(blocks: Sequence[Block]) -> tuple[Block, ...]:
-    """Return the blocks without figures, and without the rows and sections that are then empty."""
+    """Return the blocks with all figures removed, and the rows and sections that are then empty."""
     remaining: list[Block] = []
     for block in blocks:
         if isinstance(block, (Row, Section)):
@@ -297,7 +297,7 @@ _UNIT = re.compile(r"(?<=\d) (?=(?:%|°|[mckµ]?m[²³]?|[mµn]?s|k?Hz|rad|deg|d
 
 
 def with_powers(text: str) -> str:
-    """Return a text with superscript powers of units, such as m/s²."""
+    """Return a text in which powers of units are superscript: m/s^2 becomes m/s²."""
     return _POWER.sub(lambda match: f"{match[1] or match[3]}{'²³'[int(match[2] or match[4]) - 2]}", text)
 
 

@@ -59,9 +59,9 @@ _GEOMETRY = ("d", "x", "y", "width", "height", "transform", "points", "style")
 
 
 def svg_in_page(figure: Figure) -> str:
-    """Return the ``<svg>`` element of a figure for a page, without the legend, which the page shows.
+    """Return a figure as ``<svg>`` element for an HTML page; its legend is left out, since the page shows it.
 
-    An artist with a tooltip has its gid as its CSS class.
+    A matplotlib artist with a tooltip gets its gid as CSS class.
     """
     with _drawn(figure, _STAND_INS, legend=False) as canvas:
         svg = ElementTree.fromstring(_saved(canvas, "svg"))
@@ -75,7 +75,7 @@ def svg_in_page(figure: Figure) -> str:
 
 
 def svg_file(figure: Figure) -> str:
-    """Return the text of an SVG file, on white and with the legend."""
+    """Return a figure as the text of an SVG file, on white and with its legend."""
     svg = ElementTree.fromstring(_drawn_file(figure, "svg"))
     _clean(svg, figure.name, {})
     _, _, width, height = svg.attrib["viewBox"].split()
@@ -93,12 +93,12 @@ def svg_file(figure: Figure) -> str:
 
 
 def figure_file(figure: Figure, kind: str) -> bytes:
-    """Return the content of an svg, pdf or png file, on white and with the legend."""
+    """Return a figure as the content of an "svg", "pdf" or "png" file, on white and with its legend."""
     return svg_file(figure).encode() if kind == "svg" else _drawn_file(figure, kind)
 
 
 def matplotlib_figure(figure: Figure) -> Canvas:
-    """Return the figure as one of matplotlib's, on white and with the legend."""
+    """Return a figure of matplotlib with the drawn content, on white and with its legend."""
     with _drawn(figure, _ON_WHITE, legend=True) as canvas:
         canvas.set_facecolor("white")
     return canvas
@@ -128,7 +128,7 @@ def _saved(canvas: Canvas, kind: str) -> bytes:
 
 @contextmanager
 def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
-    """Yield the painted figure, while its named colours and matplotlib's settings are in force."""
+    """Yield the drawn matplotlib figure; named colours and settings hold until the context ends."""
     width = figure.width or WIDTH
     columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
@@ -157,7 +157,7 @@ def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Itera
 
 @contextmanager
 def _colours(colours: Mapping[str, str]) -> Iterator[None]:
-    """Set the named colours while a figure is drawn; afterwards, set their values on white."""
+    """Set the named colours while a figure is drawn, and afterwards the colours for a white ground."""
     _name_colours(colours)
     try:
         yield
@@ -236,20 +236,20 @@ TIME_LABEL = "time, s"
 
 
 def time_axis(axes: Axes, end: float) -> None:
-    """Set a time axis from 0 to ``end`` s, with round numbers."""
+    """Let the x axis show time from 0 to ``end`` s, with round tick labels."""
     axes.set_xlim(0, end)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     axes.grid(axis="x", color=GRID, linewidth=0.6)
 
 
 def panel_title(axes: Axes, name: str, width: float) -> None:
-    """Set the title of a panel, shortened to a panel ``width`` points wide with its tick labels."""
+    """Set the title of a panel, shortened to fit ``width``, the panel's width with tick labels, points."""
     # A fixed height saves matplotlib the search for overlaps.
     axes.set_title(shortened_to_width(name, width - 30, 10), fontsize=10, loc="left", pad=2, y=1.0)
 
 
 def fit_value_axis(axes: Axes, drawn: Sequence[Array]) -> bool:
-    """Fit the value axis to the values ``drawn``, logarithmic where they span orders of magnitude.
+    """Fit the y axis to the values ``drawn``, logarithmic if they span orders of magnitude.
 
     Returns:
         Whether the axis is logarithmic.
@@ -279,7 +279,7 @@ def logarithmic(axes: Axes, name: Literal["x", "y"]) -> None:
 
 
 def shortened_to_width(text: str, width: float, size: float = 11.0) -> str:
-    """Return a text of at most ``width`` points, its middle replaced by "…" where it is longer."""
+    """Return a text that is at most ``width`` points wide; a wider one has its middle replaced by "…"."""
     short = text
     for letters in range(len(text) - 1, 1, -1):
         if _line_width(short, size) <= width:

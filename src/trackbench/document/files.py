@@ -1,4 +1,4 @@
-"""Files of a document, in each format."""
+"""Files of a report in each format: HTML, Markdown, LaTeX, CSV and images."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ Page = TypeVar("Page")
 
 
 def files(document: Document, format: Format, name: str = "report") -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """Yield the relative path of each file of a format, with a function that returns its content.
+    """Yield the relative path of each file of a document in a format, with a function that returns its content.
 
-    A figure is drawn when its function is called.
+    A figure is drawn only when its function is called.
 
     Args:
         document: the report.
@@ -51,7 +51,7 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
 
 
 def _main_file(document: Document, format: Format, figures: str = "") -> bytes:
-    """Return the main file; Markdown links the figures in the folder ``figures``, or shows none."""
+    """Return the content of the main file; Markdown links figures in the folder ``figures``, none if empty."""
     if format == "html":
         from trackbench.document.html import to_html
 
@@ -62,7 +62,7 @@ def _main_file(document: Document, format: Format, figures: str = "") -> bytes:
 
 
 def document_text(document: Document, width: int = TEXT_WIDTH) -> str:
-    """Return the document as plain text."""
+    """Return the document as plain text in lines of ``width`` characters."""
     from trackbench.document.terminal import print_document
 
     output = io.StringIO()
@@ -79,8 +79,8 @@ def require_ending(path: Path, endings: tuple[str, ...] = ENDINGS, key: str | No
 
     Args:
         path: the file.
-        endings: endings that name a format.
-        key: option that names the file, for the message.
+        endings: allowed endings.
+        key: option that names the file, for the error message.
 
     Raises:
         InputError: the ending names no format.
@@ -92,7 +92,7 @@ def require_ending(path: Path, endings: tuple[str, ...] = ENDINGS, key: str | No
 def files_by_ending(document: Document, path: Path) -> Iterator[tuple[Path, bytes]]:
     """Yield the files of a document in the format of the path's ending, with their contents.
 
-    Where each table or figure is a file, a single one is ``x.csv``; several are ``x-ranking.csv`` and so on.
+    If each table or figure is a file, a single one is ``x.csv``; several are ``x-ranking.csv`` and so on.
     """
     formats: dict[str, Format] = {ending: format for format, ending in MAIN_ENDINGS.items()}
     formats |= {".tex": "latex", ".csv": "csv", ".svg": "svg", ".pdf": "pdf", ".png": "png"}

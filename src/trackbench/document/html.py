@@ -45,7 +45,7 @@ def to_html(document: Document) -> str:
 
 
 def _bar_on_axis(table: Table, index: int, cell: Cell) -> dict[str, Any]:
-    """Return the ends of a cell's bar and of its interval in percent of the axis, and where the axis cuts the bar."""
+    """Return start and width of a cell's bar and ends of its interval, % of the axis, and the cut-off side."""
     assert cell.bar is not None
     begin, end = table.axis(index)
     span = end - begin or 1.0
@@ -57,7 +57,7 @@ def _bar_on_axis(table: Table, index: int, cell: Cell) -> dict[str, Any]:
 
 
 def _replay_of_page(scene: ReplayScene) -> dict[str, Any]:
-    """Return a packed scene with its thinning factor, and legend entries for vehicles, sensors and false alarms."""
+    """Return the packed scene for a page, its thinning factor, and its legend of vehicles, sensors and false alarms."""
     text, every = packed_replay(scene)
     body = "vehicle, its front filled" if any(path.size[0] for path in scene.paths) else "truth"
     legend = [LegendEntry(body, TRUTH_COLOUR, "box")]

@@ -29,7 +29,7 @@ def to_markdown(document: Document, *, figures: str = "") -> str:
 
 
 def escape_markdown(text: str) -> str:
-    """Return a text in one line, with every character of Markdown and HTML escaped."""
+    """Return a text in one line, with every special character of Markdown and HTML escaped."""
     return _SPECIAL.sub(r"\\\g<0>", _SPACES.sub(" ", with_powers(text)).strip())
 
 

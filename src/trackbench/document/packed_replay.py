@@ -1,4 +1,4 @@
-"""A replay's scene as text inside a page: numbers rounded to a quantum, their differences as JSON, deflated."""
+"""A replay's scene as text inside a page: rounded values, their differences as JSON, deflated."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ SIGMAS = float(np.sqrt(-2 * np.log(0.05)))
 
 
 def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
-    """Return a scene as base64 of deflated JSON, and the factor by which its instants are thinned.
+    """Return a scene as base64 of deflated JSON, and n if only every n-th instant is kept.
 
-    The factor is the smallest for which the text has at most about ``limit`` characters.
+    The n is about the smallest for which the text has at most ``limit`` characters.
     """
     instants = np.unique(np.concatenate([_ticks(path.time) for path in scene.paths]))
     first = instants[0] if scene.start is None else _ticks(np.array([scene.start.time_s]))
@@ -39,7 +39,7 @@ def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
 
 
 def series(values: Array, quantum: float) -> dict[str, Any]:
-    """Return numbers in quanta as first or second differences, whichever are smaller."""
+    """Return values, in units of ``quantum``, as integer first or second differences, whichever are smaller."""
     counts = np.rint(np.clip(np.asarray(values, dtype=float) / quantum, -_LARGEST, _LARGEST)).astype(np.int64)
     differences = {order: np.diff(counts, order, prepend=[0] * order) for order in (1, 2)}
     order = min(differences, key=lambda order: int(np.abs(differences[order]).sum()))
@@ -52,7 +52,7 @@ def _text(scene: ReplayScene, instants: Array, every: int) -> str:
 
 
 def _content(scene: ReplayScene, instants: Array, every: int) -> dict[str, Any]:
-    """Return the scene with paths at ``instants``, one scan in ``every``, and all values of the chart."""
+    """Return the scene for JSON: paths at ``instants``, one scan in ``every``, and charts."""
     paths, measurements = [], []
     for path in scene.paths:
         is_packed = np.isin(_ticks(path.time), instants)

@@ -48,12 +48,12 @@ BOUND_COLOUR = "#8A9099"
 
 
 def mode_colours(names: Iterable[str]) -> dict[str, str]:
-    """Return a colour for each mode, in the order of first appearance; colours repeat after six."""
+    """Return a colour for each mode of a filter, by name, in order of appearance; colours repeat after six."""
     return {name: MODE_COLOURS[i % len(MODE_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
 def sensor_colours(names: Iterable[str]) -> dict[str, str]:
-    """Return a colour for each sensor, in order; colours repeat after six."""
+    """Return a colour for each sensor, by name, in their order; colours repeat after six."""
     return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
@@ -66,7 +66,7 @@ def tracker_styles(places: Mapping[str, int] | Sequence[str]) -> Styles:
     """Return the style of each tracker by name; trackers of one colour differ in line and marker.
 
     Args:
-        places: index of each tracker in its scenario, which determines its colour; or the names in that order.
+        places: index of each tracker in its scenario, which determines the colour; or all names in this order.
     """
     if not isinstance(places, Mapping):
         places = {name: place for place, name in enumerate(places)}
@@ -80,10 +80,10 @@ def tracker_styles(places: Mapping[str, int] | Sequence[str]) -> Styles:
 
 
 def tracker_colours(places: Mapping[str, int] | Sequence[str]) -> dict[str, str]:
-    """Return a colour for each tracker of a recording, which has no dashes: colours repeat only where none is free.
+    """Return a colour for each tracker in a recording, whose lines have no dashes; colours repeat once all are used.
 
     Args:
-        places: index of each tracker in its scenario, or the names in that order.
+        places: index of each tracker in its scenario, by name; or all names in this order.
     """
     colours = {name: style.colour for name, style in tracker_styles(places).items() if style.line == "solid"}
     free = [colour for colour in TRACKER_COLOURS if colour not in colours.values()] or TRACKER_COLOURS
@@ -102,7 +102,7 @@ def tracker_figure(
     styles: Sequence[TrackerStyle],
     *others: LegendEntry,
 ) -> Figure:
-    """Return a figure with a line for each tracker: its legend and tooltips name them, the legend also ``others``."""
+    """Return a figure with trackers in its tooltips and legend; ``others`` are further legend entries."""
     lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
     tooltips = {style.key: style.name for style in styles}
     return Figure(name, title, caption, alternative, paint, height, legend=(*lines, *others), tooltips=tooltips)

@@ -15,14 +15,14 @@ from trackbench.document import TrackerStyle
 
 
 class ChartLine(NamedTuple):
-    """Line of a chart."""
+    """Values over time, drawn as a line in a chart."""
 
     entity: tuple[str, ...]
-    """Path of the line's entity in a recording, relative to the chart's."""
+    """Path of the line in a Rerun recording, below the path of the chart."""
     name: str
     colour: str
     time: Array
-    """Time, s."""
+    """Time of each value, s."""
     value: Array
     """Value at each time; NaN where it is missing."""
     width: float = 1.5
@@ -31,35 +31,35 @@ class ChartLine(NamedTuple):
 
 @dataclass(frozen=True)
 class Chart:
-    """Lines that share an axis."""
+    """Lines of one quantity over time, with an axis that they share."""
 
     place: tuple[str, ...]
-    """Path of the chart's entity in a recording, relative to the entity of all charts."""
+    """Path of the chart in a Rerun recording, below the path of all charts."""
     quantity: str
     unit: str
-    """Unit; empty for a quantity without one."""
+    """Unit of the quantity; empty if it has none."""
     lines: tuple[ChartLine, ...]
     bounds: tuple[ChartLine, ...] = ()
     signed: bool = False
-    """Whether zero is in the middle of the axis."""
+    """Whether values may be negative, so that zero is in the middle of the axis."""
     share: bool = False
-    """Whether the values are shares of one; the lines are then no trackers and have a legend."""
+    """Whether the values are shares of one, such as mode probabilities; the lines then have a legend."""
 
     @property
     def title(self) -> str:
-        """Quantity with its unit."""
+        """Name of the quantity with its unit, for the axis."""
         return f"{self.quantity}, {self.unit}" if self.unit else self.quantity
 
     @property
     def largest(self) -> float:
-        """Largest finite value of all lines; 0 without any."""
+        """Largest finite value of all lines; 0 if no value is positive."""
         return float(_finite(self.lines).max(initial=0.0))
 
     def span(self, shown: float = 0.0) -> tuple[float, float]:
-        """Return the ends of an axis that cuts off outliers, such as the start of a track or one bad tracker.
+        """Return the lower and upper end of the axis, which cuts off outliers such as the start of a track.
 
         Args:
-            shown: value that the axis includes.
+            shown: value that the axis of a quantity that is neither signed nor a share must include.
         """
         if self.share:
             return 0.0, 1.0
@@ -79,7 +79,7 @@ class Chart:
 
 
 class NamedColour(NamedTuple):
-    """Entry of the legend."""
+    """Colour and its meaning, an entry of the legend."""
 
     name: str
     colour: str
@@ -93,17 +93,17 @@ class ReplayPath:
     name: str
     colour: str
     time: Array
-    """Times ``(k,)``, s."""
+    """Time of each position, ``(k,)`` s."""
     position: Array
     """Positions ``(2, k)`` in the fixed frame, m."""
     covariance: Array | None = None
-    """Covariances ``(2, 2, k)`` of the position, m^2; None without ellipses."""
+    """Covariances ``(2, 2, k)`` of the positions, m^2; None to draw no ellipses."""
     dot: float = 4.0
     """Radius of the dot, pixels."""
     width: float = 0.75
-    """Half the width of the line, pixels; narrow lines are on top."""
+    """Half the width of the line, pixels; narrow lines are drawn over wide ones."""
     tracker: str = ""
-    """Tracker with this estimate or track; empty for a vehicle."""
+    """Name of the tracker whose estimate or track this is; empty for a vehicle."""
     label: str = ""
     """Text beside an estimate in a page, such as the number of a track; a vehicle shows its name."""
     heading: Array | None = None
@@ -115,22 +115,22 @@ class ReplayPath:
 
 @dataclass(frozen=True, eq=False)
 class ReplayMeasurements:
-    """Positions that a sensor measured, each shown for a short time."""
+    """Measured positions of one sensor, each shown for a short time."""
 
     sensor: str
     colour: str
     time: Array
-    """Times ``(k,)``, s."""
+    """Time of each measurement, ``(k,)`` s."""
     position: Array
     """Positions ``(2, k)`` in the fixed frame, m."""
     covariance: Array | None = None
-    """Covariances ``(2, 2, k)`` of the position, m^2; None without ellipses."""
+    """Covariances ``(2, 2, k)`` of the positions, m^2; None to draw no ellipses."""
     false: Array | None = None
-    """Mask ``(k,)`` of known false alarms; None where the origins are unknown."""
+    """Whether each measurement is a false alarm, ``(k,)``; None if the origins are unknown."""
 
 
 class ReplayEvent(NamedTuple):
-    """Event of a tracker, at a time and a place."""
+    """Largest error or failure of a tracker, such as a lost track, at a time and a position."""
 
     tracker: str
     kind: str
@@ -142,7 +142,7 @@ class ReplayEvent(NamedTuple):
 
 
 class ReplayStart(NamedTuple):
-    """Time and place at which a scene opens."""
+    """Time and vehicle that a scene shows when it opens."""
 
     time_s: float
     path: str
@@ -151,7 +151,7 @@ class ReplayStart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReplayScene:
-    """Scene from above, with charts beside and below it."""
+    """Scene seen from above: paths, measurements, lanes and events, with charts beside and below."""
 
     name: str
     paths: tuple[ReplayPath, ...]
@@ -162,23 +162,23 @@ class ReplayScene:
     beside: tuple[Chart, ...] = ()
     below: tuple[Chart, ...] = ()
     lanes: tuple[Array, ...] = ()
-    """Edges of the lanes, ``(2, k)`` m each."""
+    """Edges of the lanes, each a line through points ``(2, k)`` in the fixed frame, m."""
     trackers: tuple[TrackerStyle, ...] = ()
-    """Trackers that a reader may choose."""
+    """Styles of the trackers that a reader may choose to show."""
     shown: tuple[str, ...] = ()
     """Names of the trackers shown at first, best first."""
     events: tuple[ReplayEvent, ...] = ()
     start: ReplayStart | None = None
-    """Opening; None for the first instant, with the whole scene."""
+    """Time and vehicle shown first; None for the first instant and the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """Scenes with a legend and a text."""
+    """One or more scenes with a legend and a text, as a recording stores them."""
 
     name: str
     kind: str
-    """Kind of replay; the viewer keeps one layout for all replays of a kind."""
+    """Kind of replay, such as run; the viewer uses one layout for all replays of a kind."""
     title: str
     """Title of the text."""
     text: str

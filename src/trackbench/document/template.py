@@ -11,11 +11,11 @@ from trackbench.document import Block
 
 
 def environment(escape: Callable[[str], str]) -> Environment:
-    """Return an environment that escapes every inserted text, and leaves markup unchanged.
+    """Return a Jinja2 environment for a text format, which escapes every inserted text but no markup.
 
     Args:
-        escape: function from a text of the document to a text of the format; HTML's special characters in its result
-            are escaped, unless the result is markup.
+        escape: function that escapes a text of the document for the format; if it does not return markup, HTML's
+            special characters are escaped too.
     """
     templates = Environment(
         loader=PackageLoader("trackbench.document"),

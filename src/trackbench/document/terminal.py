@@ -54,7 +54,7 @@ def print_document(document: Document, console: Console) -> None:
 
 
 def print_table(table: Table, console: Console, gap: int = 2) -> None:
-    """Print a table with its caption and footnotes, ``gap`` spaces between two columns."""
+    """Print a table with its caption and footnotes, and ``gap`` spaces between two columns."""
     if table.caption:
         _say(console, Text(f"{table.caption}:"))
     widths, keys = [_width(table, i) for i in range(len(table.columns))], _keys(table)
@@ -103,13 +103,13 @@ def _say(console: Console, text: Text) -> None:
 
 
 def print_hanging(console: Console, mark: str | Text, text: Text) -> None:
-    """Print a text after a mark, with all its lines indented by the mark's width."""
+    """Print a text after a mark, such as a bullet; all lines of the text are indented by the mark's width."""
     for line in hanging(console, Text.assemble(mark), text):
         console.print(line, highlight=False)
 
 
 def hanging(console: Console, mark: Text, text: Text) -> Iterator[Text]:
-    """Yield the lines of a text after a mark, all indented by the mark's width."""
+    """Yield the lines of a text after a mark, such as a bullet, all indented by the mark's width."""
     for number, line in enumerate(text.wrap(console, max(console.width - mark.cell_len, 1))):
         line.rstrip()
         yield Text.assemble(Text(" " * mark.cell_len) if number else mark, line)
@@ -128,7 +128,7 @@ def _cell(table: Table, cell: Cell) -> Text:
 
 
 def fitting_columns(widths: Sequence[int], keys: int, room: int, gap: int) -> Iterator[list[int]]:
-    """Yield the indices of the columns of each part of a table that fits into a line.
+    """Split a table into parts that fit into a line, and yield the column indices of each part.
 
     Args:
         widths: widths of all columns, characters.
@@ -152,7 +152,7 @@ def _keys(table: Table) -> int:
 
 
 def _print_record(table: Table, row: Sequence[Cell], console: Console) -> None:
-    """Print a row as a list, where the left columns leave no room for others."""
+    """Print a row as a list entry, "heading cell; heading cell", for a console too narrow for columns."""
     key = table.key_column
     cells = [(column.heading, _cell(table, cell)) for column, cell in zip(table.columns, row, strict=True)]
     texts = [Text.assemble(f"{heading} ", cell) for i, (heading, cell) in enumerate(cells) if i != key and cell]

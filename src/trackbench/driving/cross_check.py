@@ -40,7 +40,7 @@ class CrossCheckedTracker:
     Args:
         tracker: the tracker of the first drive.
         start: returns a fresh tracker for the batch of the second drive.
-        order: ``(width,)`` member of the first drive in each column of the second drive.
+        order: ``(width,)`` index, in the batch of the first drive, of the member in each column of the second drive.
     """
 
     def __init__(self, tracker: Any, start: Callable[[], Any], order: Indices) -> None:
@@ -50,13 +50,13 @@ class CrossCheckedTracker:
         self._kept: list[tuple[Scan, dict[str, Array]]] = []
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
-        """Return the tracker's state and answer, and store the answer for the comparison."""
+        """Step the tracker of the first drive; return its state and answer, and store the answer for the comparison."""
         state, answer = self._tracker.step(state, scan)
         self._kept.append((scan, _parts(answer, self._members)))
         return state, answer
 
     def disagreement(self) -> tuple[TrackFault, Scan] | None:
-        """Return the first difference between the drives, or the second drive's failure, and its scan."""
+        """Return the first difference between the drives, or the second drive's failure, with the scan; else None."""
         how, same, state = HOW[self._tracker.batched], SAME[self._tracker.batched], None
         last_stored: dict[str, Array] = {}
         last_parts: dict[str, Array] = {}
@@ -81,7 +81,6 @@ class CrossCheckedTracker:
         return None
 
     def _scan(self, scan: Scan) -> Scan:
-        """Return the scan of the second drive, without columns of detections that all of its members leave empty."""
         measurement, valid = scan.measurement[..., self._order], scan.valid[..., self._order]
         if valid.ndim == 2:
             column_count = int(valid.sum(axis=0).max(initial=0))
@@ -98,7 +97,7 @@ def _padded(values: Array, rows: int, fill: float = np.nan) -> Array:
 
 
 def _parts(answer: Any, columns: Indices) -> dict[str, Array]:
-    """Return the compared arrays ``(..., members)`` of an answer; tracks are sorted by id, as ids may differ."""
+    """Return the arrays ``(..., members)`` to compare in an answer; tracks are sorted by id, as ids may differ."""
     if answer is None:
         return {"mean": np.full((4, len(columns)), np.nan), "covariance": np.full((4, 4, len(columns)), np.nan)}
     if not isinstance(answer, Tracks):
@@ -111,7 +110,7 @@ def _parts(answer: Any, columns: Indices) -> dict[str, Array]:
 
 
 def _difference(stored: Mapping[str, Array], parts: Mapping[str, Array], tolerance: float) -> tuple[int, str] | None:
-    """Return the member whose estimate differs most, and how; None if no relative difference exceeds ``tolerance``."""
+    """Return the member whose estimate differs most, and a description; None if no difference exceeds ``tolerance``."""
     for name in stored:
         if name == "ids" or name not in parts:
             continue
@@ -135,7 +134,7 @@ def _difference(stored: Mapping[str, Array], parts: Mapping[str, Array], toleran
 
 
 def _renamed(*parts: Mapping[str, Array]) -> tuple[int, str] | None:
-    """Return a member with a track that keeps its id in one drive only, from parts before and now of both drives."""
+    """Return a member with a track that keeps its id in one drive only; None if there is none."""
     if not all("ids" in drive_parts for drive_parts in parts):
         return None
     before, now, other_before, other_now = (drive_parts["ids"] for drive_parts in parts)

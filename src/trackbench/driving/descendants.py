@@ -14,19 +14,19 @@ PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def adopt_orphans() -> None:
-    """Become the parent of every descendant whose parent ends, even of descendants in their own sessions."""
+    """Make this process the parent of each descendant whose own parent ends, even in sessions of their own."""
     _prctl(PR_SET_CHILD_SUBREAPER, 1)
 
 
 def end_with_parent(parent: int, number: signal.Signals) -> None:
-    """Receive a signal when the parent, a process with a single thread, ends; at once if it has ended."""
+    """Make this process receive a signal when its parent, which has a single thread, ends; at once if it has ended."""
     _prctl(PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:
         os.kill(os.getpid(), number)
 
 
 def children(process: int) -> list[int]:
-    """Return the processes that a process has started or adopted, also ended ones that were not waited for."""
+    """Return the ids of processes that a process has started or adopted, even ended ones not yet waited for."""
     numbers: list[int] = []
     # The process or one of its threads may end meanwhile.
     with suppress(OSError):
@@ -37,20 +37,20 @@ def children(process: int) -> list[int]:
 
 
 def descendants(process: int) -> Iterator[int]:
-    """Yield the children of a process, their children, and so on."""
+    """Yield the ids of a process's children, of their children, and so on."""
     for child in children(process):
         yield child
         yield from descendants(child)
 
 
 def memory_of(processes: Sequence[int], most: int) -> int:
-    """Return the resident memory of processes, bytes; above ``most``, memory that they share counts once."""
+    """Return the resident memory of processes, bytes; if more than ``most``, without counting shared memory twice."""
     resident = sum(map(_resident_memory, processes))
     return resident if resident <= most else sum(map(_proportional_memory, processes))
 
 
 def end_marked(mark: str) -> None:
-    """Kill all processes with ``mark``, such as ``NAME=value``, in their environment."""
+    """Kill all processes that have ``mark``, such as ``NAME=value``, in their environment."""
     for place in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             if mark.encode() in (place / "environ").read_bytes():
@@ -76,7 +76,6 @@ def _resident_memory(process: int) -> int:
 
 
 def _proportional_memory(process: int) -> int:
-    """Return the resident memory of a process, bytes; shared memory counts in proportion to its users."""
     try:
         text = Path(f"/proc/{process}/smaps_rollup").read_text()
     except OSError:

@@ -14,7 +14,7 @@ Answer = TypeVar("Answer")
 
 
 class Delivery(NamedTuple):
-    """Scan given to a tracker."""
+    """Scan to give to a tracker, with its index and whether the tracker uses its sensor."""
 
     scan: Scan
     number: int | None
@@ -26,7 +26,7 @@ class Delivery(NamedTuple):
 def empty_scan(scan: Scan) -> Scan:
     """Return a scan without detections, which asks a tracker for an estimate.
 
-    With hidden identities it has no columns, and states that the sensor could have detected nothing.
+    With hidden identities it has no columns of detections, and states a P_D and clutter density of 0.
     """
     if scan.detection_probability is None:
         return scan._replace(measurement=np.full_like(scan.measurement, np.nan), valid=np.zeros_like(scan.valid))
@@ -38,7 +38,7 @@ def empty_scan(scan: Scan) -> Scan:
 def deliveries(
     scans: Sequence[Scan], sensors: Collection[str] | None = None, each_measurement: bool = False
 ) -> Iterator[list[Delivery]]:
-    """Yield for each instant the scans that have arrived by it and were not yielded before.
+    """Yield for each instant the scans to give to a tracker: those that have arrived since the previous instant.
 
     A tracker is scored at each instant by its answer to the last of these scans. If no scan taken at the instant has
     arrived, an empty scan asks for the estimate. Without latency each scan arrives at its instant.
@@ -70,15 +70,15 @@ def deliveries(
 
 
 def scans_read(scans: Iterable[Scan], sensors: Collection[str] | None) -> Iterator[Scan]:
-    """Yield the scans, emptied if their sensor is not one of ``sensors``; None stands for all sensors."""
+    """Yield the scans, without detections if their sensor is not among ``sensors``; None stands for all sensors."""
     return (scan if sensors is None or scan.sensor in sensors else empty_scan(scan) for scan in scans)
 
 
 class DriveStep(NamedTuple, Generic[Answer]):
-    """One step of a tracker with its answer."""
+    """One step of a tracker: the given scan's index, the answer and the time that it took."""
 
     instant: int
-    """Index of the instant at which the step is taken."""
+    """Index of the instant at which the answer is asked for."""
     scan: Scan
     number: int | None
     """Index of the scan in acquisition order; None if the scan only asks for an estimate."""
@@ -86,6 +86,6 @@ class DriveStep(NamedTuple, Generic[Answer]):
     """Whether the tracker uses the scan's sensor."""
     answer: Answer
     seconds: float
-    """Duration without the compilation of kernels, s; NaN for a smoother, which has no single steps."""
+    """Time that the step took without the compilation of kernels, s; NaN for a smoother, which has no single steps."""
     last: bool
-    """Whether this answer is the scored one of its instant."""
+    """Whether this answer is the last one of its instant, which is scored."""

@@ -19,7 +19,7 @@ ASKING = ("BdbQuit", "EOFError")
 
 
 class TrackFault(Exception):
-    """Failure of a tracker that ends its run.
+    """Failure of a tracker that ends its run, with the cause and the place in its code.
 
     Args:
         cause: what went wrong, in one line.
@@ -40,7 +40,7 @@ class TrackFault(Exception):
 
 
 def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
-    """Return the fault for an error in a tracker; ``member`` is the affected member of the batch, if known."""
+    """Return the fault that an error in a tracker is; ``member`` is the index of the affected member, if known."""
     if isinstance(error, TrackFault):
         return error
     kind: Kind = "raised"
@@ -68,7 +68,7 @@ def _cause(error: BaseException) -> str:
 
 
 def error_message(error: BaseException) -> dict[str, Any]:
-    """Return the protocol message with which a tracker's process reports an error."""
+    """Return the protocol message by which a tracker's process reports an error to the bench."""
     if isinstance(error, InputError | InputErrors):
         problems = error.errors if isinstance(error, InputErrors) else [error]
         return {"type": "error", "message": str(error), "input": [[each.message, each.key] for each in problems]}
@@ -77,12 +77,12 @@ def error_message(error: BaseException) -> dict[str, Any]:
 
 
 def reported_error(message: Mapping[str, Any], members: int, name: str) -> InputError | InputErrors | TrackFault:
-    """Return the error that a protocol message reports, without its malformed parts.
+    """Return the error that a protocol message reports; malformed entries of the message are left out.
 
     Args:
         message: message of the type ``error``.
         members: number of members of the batch.
-        name: prefix of the cause.
+        name: name of the tracker, put before the cause.
     """
     match message.get("input"):
         case [[str(), _], *_] as problems:

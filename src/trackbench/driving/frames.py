@@ -42,11 +42,11 @@ ARRAYS = {
 
 
 class NotAFrame(Exception):
-    """Error for bytes that are no message; says why."""
+    """Error for bytes from a tracker's process that are no message; its text says why."""
 
 
 def packed_array(value: Any) -> list[Any]:
-    """Return an array as [shape, bytes] for a message."""
+    """Return an array as the pair [shape, bytes] that a message contains."""
     array = np.asarray(value, FLOAT)
     return [array.shape, array.tobytes()]
 
@@ -63,7 +63,7 @@ _pack = msgpack.Packer(default=_packable).pack
 
 
 def message_frame(message: Mapping[str, Any]) -> bytes:
-    """Return a message as a frame.
+    """Return a message packed as the bytes of a frame: length, then MessagePack map.
 
     Raises:
         TypeError, ValueError, OverflowError: MessagePack cannot store a value of the message.
@@ -82,7 +82,7 @@ def _packed_map(message: Mapping[str, Any]) -> bytes:
 
 
 def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
-    """Return the message of a frame.
+    """Return the message unpacked from a frame's MessagePack map.
 
     Raises:
         NotAFrame: the content is no MessagePack map.
@@ -100,7 +100,7 @@ def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
 
 
 def read_message(read: Callable[[int], bytes]) -> dict[str, Any]:
-    """Read the next message.
+    """Read the next message from a stream of frames.
 
     Args:
         read: returns the given number of bytes, fewer only at the end of the stream.
@@ -116,10 +116,10 @@ def read_message(read: Callable[[int], bytes]) -> dict[str, Any]:
 
 
 def scan_frames(numbers: Sequence[int], scans: Sequence[Scan]) -> list[bytes]:
-    """Return the frames that deliver a scan of one sensor and time to several trackers.
+    """Return one frame for each tracker, which delivers its scan; all scans are of one sensor and time.
 
     Args:
-        numbers: numbers of the trackers.
+        numbers: protocol numbers of the trackers.
         scans: one scan for each tracker; their shared entries are packed once.
     """
     frames, pose, shared = [], None, b""
@@ -134,7 +134,6 @@ def scan_frames(numbers: Sequence[int], scans: Sequence[Scan]) -> list[bytes]:
 
 
 def _shared_entries(scan: Scan) -> bytes:
-    """Return the packed start of the map of a scan: the number of its entries, and the shared entries."""
     named = zip(Scan._fields, scan, strict=True)
     entries: dict[str, Any] = {name: value for name, value in named if value is not None and name not in OWN_ARRAYS}
     entries["type"] = "scan"
@@ -148,7 +147,7 @@ def _shared_entries(scan: Scan) -> bytes:
 
 
 def message_scan(message: Mapping[str, Any]) -> Scan:
-    """Return the scan in a message, with read-only arrays."""
+    """Return the scan that a message contains, with read-only arrays."""
     parts: dict[str, Any] = dict(message)
     del parts["type"], parts["id"]
     for name in (*OWN_ARRAYS, *SHARED_ARRAYS):
@@ -165,7 +164,7 @@ def message_scan(message: Mapping[str, Any]) -> Scan:
 
 
 def is_plain(answer: Any) -> bool:
-    """Return whether an answer is only a mean and a covariance, both float64 arrays of any shape."""
+    """Return whether a tracker's answer is only a mean and a covariance, both float64 arrays of any shape."""
     if not isinstance(answer, tuple) or len(answer) < 2 or any(part is not None for part in answer[2:]):
         return False
     mean, covariance = answer[:2]
@@ -173,7 +172,7 @@ def is_plain(answer: Any) -> bool:
 
 
 def answer_frame(number: int, answer: Any) -> bytes:
-    """Return the frame of a tracker's answer to a scan; the answer is plain, an estimate, tracks or None."""
+    """Return the frame of a tracker's answer to a scan; ``number`` is the tracker's protocol number."""
     if answer is None:
         return message_frame({"type": "none", "id": number})
     kind = "tracks" if isinstance(answer, Tracks) else "estimate"
@@ -196,7 +195,7 @@ def _is_numeric(value: Any) -> bool:
 
 
 def message_answer(message: Mapping[str, Any], several: bool) -> Estimate | tuple[Array, Array] | Tracks | None:
-    """Return the answer in a message; its arrays are read-only and their shapes unchecked.
+    """Return the tracker's answer that a message contains; its arrays are read-only and their shapes unchecked.
 
     Args:
         message: of the type ``estimate``, ``tracks`` or ``none``.

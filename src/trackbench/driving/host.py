@@ -30,12 +30,12 @@ COPIES = {"copies": True, "confirms": True}
 
 
 class Host:
-    """Server of a tracker, which answers the messages of the bench.
+    """Server of a Python tracker, which answers the messages of the bench.
 
     Args:
         reference: ``module:Class`` or a published name.
         folder: first folder in which the tracker's module is looked for.
-        send: writes a frame.
+        send: function that writes a frame to the bench.
     """
 
     def __init__(self, reference: str, folder: Path | None, send: Callable[[bytes], None]) -> None:
@@ -46,7 +46,7 @@ class Host:
         self._trackers: dict[int, tuple[Any, Any]] = {}
 
     def answer(self, message: Mapping[str, Any]) -> bytes | None:
-        """Handle a message; return the frame of the answer, or None if the message has none."""
+        """Handle a message of the bench; return the frame of the answer, or None if the message needs no answer."""
         match message["type"]:
             case "scan":
                 return self._step(message)
@@ -91,7 +91,7 @@ class Host:
         return message_frame(greeting)
 
     def _work(self, message: Mapping[str, Any]) -> bytes:
-        """Call ``module:name``, a function of the bench that examines a tracker and reports its progress."""
+        """Call a function of the bench, ``module:name``, that examines the tracker; report its progress."""
         notebook_classes.loads(message["classes"])
         module, _, name = message["function"].partition(":")
 
@@ -109,7 +109,7 @@ def _copied(tracker: Any, state: Any) -> tuple[Any, Any]:
 
 
 def serve_tracker(arguments: Sequence[str]) -> NoReturn:
-    """Serve a tracker on standard input and output, until the input ends."""
+    """Serve a tracker on standard input and output until the input ends."""
     parser = argparse.ArgumentParser(prog="python -m trackbench.driving.host", description=__doc__)
     parser.add_argument("tracker", help="module:Class, or a published name")
     parser.add_argument("--folder", type=Path, help="where its module is looked for first")
@@ -143,7 +143,6 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
 
 
 def _give_streams(answers: int) -> None:
-    """Give the tracker its own streams; if it ends the process, write its place in the code to ``answers``."""
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)

@@ -18,7 +18,7 @@ GIGABYTE = 10**9
 
 
 def plugged_in(config: FilterConfig | PluginConfig) -> bool:
-    """Return whether a tracker is not built in."""
+    """Return whether a tracker is a user's or a package's, and not built in."""
     return isinstance(config, PluginConfig) and not built_in(config.reference)
 
 
@@ -29,14 +29,14 @@ def is_program(config: FilterConfig | PluginConfig) -> bool:
 
 @dataclass(frozen=True)
 class Isolation:
-    """Separation from the bench of trackers that are not built in."""
+    """Rule for which trackers run in processes of their own, with limits of time and memory."""
 
     in_process: bool = False
-    """Whether trackers that are not built in run in the bench's process, for a debugger."""
+    """Whether trackers that are not built in run in the bench's own process, for a debugger."""
     timeout: float = 300.0
-    """Longest time for a step, s."""
+    """Longest time that a tracker may take for a step, s."""
     memory: float | None = None
-    """Limit of resident memory of a tracker and all that it starts, GB; None for a quarter of the container's."""
+    """Limit on the resident memory of a tracker and its descendants, GB; None for a quarter of the container's."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= LONGEST:
@@ -51,12 +51,12 @@ class Isolation:
 
     @property
     def bytes(self) -> int:
-        """Limit of a tracker's memory on this machine, bytes."""
+        """Limit on a tracker's memory on this machine, in bytes."""
         return int(SHARE * container_memory() if self.memory is None else self.memory * GIGABYTE)
 
 
 def container_memory() -> int:
-    """Return the memory limit of the container, else the memory of the machine, bytes."""
+    """Return the memory limit of the container, else the memory of the machine, in bytes."""
     limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")]
     for file in ("memory.max", "memory/memory.limit_in_bytes"):
         with suppress(OSError, ValueError):

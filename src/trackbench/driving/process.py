@@ -48,7 +48,7 @@ DUMPED, LONGEST_DUMP = b'  File "', 1 << 20
 
 
 class ForkServer:
-    """Client of the server process that forks the processes of trackers (:mod:`trackbench.driving.fork_server`)."""
+    """Client of the server process that forks the processes of trackers."""
 
     def __init__(self) -> None:
         self._control, theirs = socket.socketpair()
@@ -74,7 +74,7 @@ class ForkServer:
         Args:
             command: program and arguments.
             folder: working directory.
-            descriptors: for reports, standard input and standard output of the process.
+            descriptors: file descriptors for the process's reports, standard input and standard output.
 
         Raises:
             TrackbenchError: the server does not accept the request.
@@ -105,7 +105,7 @@ _outputs: list[int] = []
 
 
 def fork_server() -> ForkServer:
-    """Return the fork server of this process; start one if there is none."""
+    """Return the client of this process's fork server; start the server if there is none."""
     server = _fork_servers.get(os.getpid())
     if server is None or server.process.poll() is not None:
         server = _fork_servers[os.getpid()] = ForkServer()
@@ -114,7 +114,7 @@ def fork_server() -> ForkServer:
 
 @contextmanager
 def printing_to(file: BinaryIO) -> Iterator[None]:
-    """Send to a file what trackers print, for processes started inside the context."""
+    """Send to a file what trackers print, for tracker processes started inside the context."""
     _outputs.append(file.fileno())
     try:
         yield
@@ -123,7 +123,7 @@ def printing_to(file: BinaryIO) -> Iterator[None]:
 
 
 class TrackerProcess:
-    """Process that answers the frames sent to it.
+    """Process of trackers, which answers the frames sent to it.
 
     Args:
         isolation: limits of time and memory.
@@ -138,9 +138,9 @@ class TrackerProcess:
     def __init__(self, isolation: Isolation, command: list[str], folder: str, name: str = "") -> None:
         self.timeout, self._most, self._name = isolation.timeout, isolation.bytes, name
         self.fault: TrackFault | None = None
-        """Cause of the end of the process; None while it runs."""
+        """Fault that ended the process; None while it runs."""
         self.members = 0
-        """Number of members of the batch followed by the trackers in the process."""
+        """Number of batch members that the trackers in the process follow."""
         self._taken, self._until, self._next_glance = 0, 0.0, 0.0
         self._status: int | None = None
         self._unsent, self._received = b"", bytearray()
@@ -161,12 +161,12 @@ class TrackerProcess:
         self._readable, self._writable = _poll(self._in, select.POLLIN), _poll(self._out, select.POLLOUT)
 
     def close(self) -> None:
-        """End the process."""
+        """End the process and all that it has started."""
         if self.fault is None:
             self.failed("its process was closed", "died")
 
     def send(self, *frames: bytes) -> None:
-        """Send frames, whose answers are then received one by one.
+        """Send frames to the process; each answer is then received by ``receive``.
 
         Raises:
             TrackFault: the process has ended, or does not read.
@@ -184,7 +184,7 @@ class TrackerProcess:
                 raise self._ended() from None
 
     def receive(self) -> dict[str, Any]:
-        """Return the next answer.
+        """Return the next answer of the process, as a message.
 
         Raises:
             TrackFault: the tracker failed; its process has ended, is late, or wrote no valid answer.
@@ -208,12 +208,12 @@ class TrackerProcess:
         return answer
 
     def work(self, function: str, arguments: Mapping[str, Any], progress: Progress) -> Any:
-        """Call a function of trackbench in the process of a Python tracker; return the function's result.
+        """Call a function of trackbench in a Python tracker's process; return its result.
 
         Args:
-            function: ``module:name``. Its progress reports must come within the time limit of an answer.
-            arguments: texts and numbers.
-            progress: called with each report.
+            function: ``module:name``; it must report progress, or end, within the time limit of an answer.
+            arguments: arguments of the function, texts and numbers only.
+            progress: called with each progress report.
 
         Raises:
             TrackFault: the process has ended, is late, or wrote no valid answer.
@@ -226,7 +226,7 @@ class TrackerProcess:
         return pickle.loads(answer["pickled"])
 
     def failed(self, cause: str, kind: Kind = "answer", place: str | None = None) -> TrackFault:
-        """End the process if it runs; return the fault."""
+        """End the process if it still runs; return the fault with a cause, for the caller to raise."""
         self._end()
         self.fault = TrackFault(f"{self._name}{cause}", kind, place)
         return self.fault
@@ -240,7 +240,7 @@ class TrackerProcess:
             self._received += content
 
     def _wait(self, poll: select.poll) -> None:
-        """Wait until a pipe is ready; raise if the process is late, has ended, or takes too much memory."""
+        """Wait until a pipe of the process is ready; raise a fault if it is late, ended, or takes too much memory."""
         is_ready = False
         while not is_ready:
             is_ready = bool(poll.poll(1000 * GLANCE))
@@ -280,7 +280,7 @@ class TrackerProcess:
         return self.failed(f"its output is no message: it begins with {_shown_bytes(self._received)}; {hint}")
 
     def _place(self, patience: float = 0.0) -> str | None:
-        """Read further output for ``patience`` s; return the line of the tracker's code in Python's dump."""
+        """Return the last line of the tracker's code in Python's dump, after reading output for ``patience`` s."""
         while len(self._received) < LONGEST_DUMP and self._readable.poll(1000 * patience):
             content = os.read(self._in, READ)
             if not content:
@@ -289,13 +289,12 @@ class TrackerProcess:
         return place_in_dump(self._received.decode(errors="replace"))
 
     def _ended_within(self, seconds: float) -> bool:
-        """Return whether the process ends within some time; processes that it started may live on."""
         if self._status is None:
             self._status = self._reported(seconds)
         return self._status is not None
 
     def _reported(self, seconds: float) -> int | None:
-        """Return the next number from the fork server; SIGKILL if the server has ended, which kills its processes."""
+        """Return the fork server's next report, an id or exit status; SIGKILL if the server has ended."""
         if not _poll(self._reports, select.POLLIN).poll(1000 * seconds):
             return None
         content = os.read(self._reports, NUMBER.size)
@@ -313,7 +312,6 @@ def _shown_bytes(content: bytes | bytearray) -> str:
 
 
 def _end(process: int, reports: int, files: Sequence[int]) -> None:
-    """End a process and all that it has started, and wait for it."""
     for file in files:
         os.close(file)
     reported = _poll(reports, select.POLLIN)

@@ -26,14 +26,14 @@ ON_THE_WAY = 1 << 15
 
 
 class Program(TrackerProcess):
-    """Program that serves numbered trackers.
+    """Process of a program that serves several trackers, told apart by protocol numbers.
 
     Args:
         config: the scenario's entry, which names the program or the Python class.
         folder: working directory of a program and start of its path; for a class, first folder to look for its module.
         isolation: limits of time and memory.
         several: whether the trackers follow several objects.
-        batch: number of members followed at once; 0 only checks that the class exists.
+        batch: number of members of the batch followed at once; 0 only checks that the class exists.
         sensors: sensors of the scenario by name.
 
     Raises:
@@ -67,13 +67,13 @@ class Program(TrackerProcess):
             raise
 
     def start(self) -> int:
-        """Start a fresh tracker; return its number."""
+        """Start a fresh tracker in the program; return its protocol number."""
         self._numbers += 1
         self._unsent += message_frame({"type": "start", "id": self._numbers})
         return self._numbers
 
     def copy(self, number: int) -> int:
-        """Copy a tracker with its state; return the number of the copy.
+        """Copy the tracker with a protocol number and its state; return the number of the copy.
 
         Raises:
             TrackbenchError: the program does not copy trackers.
@@ -94,17 +94,17 @@ class Program(TrackerProcess):
         return self._numbers
 
     def end(self, number: int) -> None:
-        """Tell the program to discard a tracker."""
+        """Tell the program to discard the tracker with a protocol number."""
         if self.fault is None:
             self._unsent += message_frame({"type": "end", "id": number})
 
     def ask(self, numbers: Sequence[int], scans: Sequence[Scan], members: Sequence[int] | None = None) -> list[Any]:
-        """Send scans to several trackers; return their answers, whose form is unchecked.
+        """Send one scan to each of several trackers; return their answers, whose form is unchecked.
 
         Args:
-            numbers: numbers of the trackers.
+            numbers: protocol numbers of the trackers.
             scans: one scan for each tracker.
-            members: member of the batch that each tracker follows; None for one tracker of all members.
+            members: index of the member of the batch that each tracker follows; None for one tracker of all members.
 
         Raises:
             TrackFault: a tracker failed; the process has ended, is late, or answered something else.
@@ -146,14 +146,14 @@ class Program(TrackerProcess):
 
 
 class ProgramTracker:
-    """Tracker in a program, which also stores the tracker's state."""
+    """Tracker in the process of a program, which also keeps the tracker's state."""
 
     def __init__(self, program: Program, number: int | None = None) -> None:
         self.program, self.number = program, program.start() if number is None else number
         self.batched, self.random = program.batched, program.random
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Any]:
-        """Return a placeholder of the state, and the answer."""
+        """Return a placeholder for the state, which the program keeps, and the tracker's answer."""
         return KEPT_THERE, self.program.ask([self.number], [scan])[0]
 
     def __deepcopy__(self, memo: object) -> ProgramTracker:
@@ -164,7 +164,7 @@ class ProgramTracker:
 
 
 def host_command(reference: str, folder: Path | None = None) -> tuple[list[str], str]:
-    """Return the command of a tracker in Python, and its working directory.
+    """Return the command that serves a Python tracker, and its working directory.
 
     Args:
         reference: ``module:Class`` or a published name.

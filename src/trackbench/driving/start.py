@@ -73,13 +73,13 @@ def start_stepper(
     several: bool = False,
     sensors: Mapping[str, Sensor] = {},
 ) -> Any:
-    """Return a fresh tracker for a batch: a built-in one, or a :class:`ForeignTracker`.
+    """Return a fresh tracker for a batch: a built-in tracker, or else a :class:`ForeignTracker`.
 
     Args:
         config: the scenario's entry.
         folder: first folder in which a tracker's module is looked for.
         batch: number of tracks, or runs, followed at once.
-        prepare: sets the engine of a built-in tracker, and its first states if it starts from the truth.
+        prepare: function that sets a built-in tracker's engine, and its first states if it starts from the truth.
         isolation: whether a tracker that is not built in gets a process of its own.
         several: whether the tracker follows several objects.
         sensors: sensors of the scenario by name; passed on to a program.
@@ -101,7 +101,7 @@ def start_stepper(
 
 @contextmanager
 def ending(stepper: Any) -> Iterator[Any]:
-    """Provide a tracker, and end its process, if any, on leaving the context."""
+    """Provide a tracker for a context, and end its process, if it has one, on leaving the context."""
     try:
         yield stepper
     finally:

@@ -32,7 +32,7 @@ from trackbench.trackers.late import LateScans
 
 
 def refuse_truth(tracker: Any) -> None:
-    """Refuse a plug-in's filter that starts from the ground truth, which plug-ins do not get.
+    """Raise an error for a plug-in's tracker that starts from the ground truth, which plug-ins do not get.
 
     Raises:
         InputError: the filter starts from the truth.
@@ -43,24 +43,24 @@ def refuse_truth(tracker: Any) -> None:
 
 
 class Offline:
-    """Smoother that gets all scans before its first step.
+    """Tracker around a smoother, which gets all scans before its first step.
 
     Args:
         tracker: the smoother.
-        scans: all scans in the order of the steps.
+        scans: all scans of the run, in the order of the steps.
     """
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
         self._tracker, self._scans = tracker, scans
 
     def step(self, state: Iterator[Estimate] | None, scan: Scan) -> tuple[Iterator[Estimate], Estimate]:
-        """Return the iterator over later estimates, and this scan's estimate of all members of the batch."""
+        """Return the iterator over the estimates at later scans, and the estimate at this scan."""
         state = iter(self._tracker.estimates(self._scans)) if state is None else state
         return state, next(state)
 
     @property
     def engine_used(self) -> EngineUsed:
-        """Engine that computed the steps."""
+        """Engine that computed the smoother's steps."""
         return self._tracker.tracker.engine_used
 
 
@@ -80,16 +80,16 @@ class ForeignTracker:
         first = make()
         self.batched, self.random = bool(getattr(first, "batched", False)), is_random(first)
         self.program = first.program if isinstance(first, ProgramTracker) else None
-        """Program of the trackers; None if they are in this process."""
+        """Program that serves the trackers; None if they run in this process."""
         self._trackers: list[Any] = [first, *(make() for _ in range(0 if self.batched else batch - 1))]
         self._states: list[Any] = [None] * len(self._trackers)
         self._batch, self._several = batch, several
         self._members = list(range(len(self._trackers))) if self.batched or several else []
-        """Members whose first measurement has come."""
+        """Indices of the batch members whose first measurement has come."""
         self._has_answered = np.zeros(len(self._trackers), dtype=bool)
 
     def step(self, state: object, scan: Scan) -> tuple[str, Any]:
-        """Return a placeholder of the state, and the answer for all members; None before the first estimate.
+        """Return a placeholder for the state, and the answer for all members; None before the first estimate.
 
         Raises:
             TrackFault: a tracker failed or gave an invalid answer; an unbatched tracker's fault names the member.
@@ -115,7 +115,7 @@ class ForeignTracker:
         return KEPT_THERE, Estimate(mean, covariance)
 
     def close(self) -> None:
-        """End the program of the trackers, if any."""
+        """End the program that serves the trackers, if there is one."""
         if self.program is not None:
             self.program.close()
 
@@ -136,7 +136,6 @@ class ForeignTracker:
         return answers
 
     def _checked(self, members: Sequence[int], scans: Sequence[Scan], answers: Sequence[Any]) -> Any:
-        """Return the answers of some members, checked and joined to one answer for all members."""
         checked: list[Any] = [None] * len(self._trackers)
         for member, scan, unchecked in zip(members, scans, answers, strict=True):
             try:
@@ -154,9 +153,9 @@ class ForeignTracker:
 
 
 def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate | None:
-    """Return all answers as one estimate if all are valid and plain, else None.
+    """Return answers joined to one estimate if all are valid, and only a mean and a covariance each; else None.
 
-    A plain answer is only a mean and a covariance. Checking all of them at once is faster than one by one.
+    Checking all of them at once is faster than one by one.
 
     Args:
         answers: answers of single members, or one answer of a batch.
@@ -186,7 +185,7 @@ def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate |
 
 
 def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
-    """Join estimates along a last axis of members, NaN for a member without one.
+    """Join estimates along a last axis of members, with NaN for a member without an estimate.
 
     Raises:
         TrackerFault: the sizes of innovations or mode probabilities differ between members.
@@ -219,13 +218,13 @@ def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
 
 
 def joined_tracks(answers: Sequence[Tracks]) -> Tracks:
-    """Join the tracks of several runs along a last axis of runs, with padding."""
+    """Join the tracks of several runs along a last axis of runs, padded to equal numbers of tracks."""
     fills = {"ids": NO_TRACK, "used": NO_TRACK}
     return Tracks(*(_joined(answers, name, fills.get(name, np.nan)) for name in Tracks._fields))  # type: ignore[arg-type]
 
 
 def _joined(answers: Sequence[Any], name: str, fill: float = np.nan) -> Array | None:
-    """Return one field of all answers with a last axis of members, padded; None if no answer has the field."""
+    """Return one field of all answers along a last axis of members, padded; None if no answer has the field."""
     values = [getattr(answer, name, None) for answer in answers]
     shapes = [value.shape for value in values if value is not None]
     if not shapes:

@@ -95,7 +95,7 @@ def _operator(op: str) -> Callable[[Any, Term | float], Term]:
 
 @dataclass(frozen=True)
 class Term:
-    """Node with operators, so that formulas are readable."""
+    """Node of a graph with Python's operators, so that formulas are readable."""
 
     graph: Graph
     node: Node
@@ -120,7 +120,7 @@ def _where(condition: Term, yes: Term | float, no: Term | float) -> Term:
 
 
 def polynomial(x: Any, coefficients: Sequence[float]) -> Any:
-    """Evaluate a polynomial of a term or an array by Horner's rule; the highest power's coefficient comes first."""
+    """Evaluate a polynomial of a term or an array; the coefficient of the highest power comes first."""
     result = x * coefficients[0] + coefficients[1] if coefficients[0] != 1.0 else x + coefficients[1]
     for coefficient in coefficients[2:]:
         result = result * x + coefficient
@@ -128,12 +128,12 @@ def polynomial(x: Any, coefficients: Sequence[float]) -> Any:
 
 
 def _leave_to_numpy(condition: Term) -> None:
-    """Add the guard that a condition does not hold; a comparison with NaN never holds."""
+    """Add the guard that ``condition`` is False, as NumPy computes members where it is True."""
     condition.graph.guards.append(_apply(condition.graph, "not", condition).node)
 
 
 def _quarter_turns(x: Term) -> tuple[Term, Term]:
-    """Return the number of quarter turns in an angle plus ``WHOLE``, and the remaining angle, -pi/4 to pi/4."""
+    """Return an angle's number of quarter turns plus ``WHOLE``, and the remaining angle, from -pi/4 to pi/4."""
     graph = x.graph
     _leave_to_numpy(_apply(graph, "abs", x) > LARGEST_ANGLE)
     whole = x * 0.6366197723675814 + WHOLE
@@ -164,7 +164,7 @@ def cos(x: Term) -> Term:
 
 
 def arctan2(y: Term, x: Term) -> Term:
-    """Return the angle of the point (x, y), -pi to pi."""
+    """Return the angle of the point (x, y), from -pi to pi."""
     graph = y.graph
     width, height = _apply(graph, "abs", x), _apply(graph, "abs", y)
     small, large = _apply(graph, "min", width, height), _apply(graph, "max", width, height)
@@ -185,7 +185,6 @@ def arctan2(y: Term, x: Term) -> Term:
 
 
 def exp(x: Term) -> Term:
-    """Return the exponential of x."""
     graph = x.graph
     bounded = _apply(graph, "max", _apply(graph, "min", x, 710.0), -746.0)
     power = _apply(graph, "rint", bounded * 1.4426950408889634)
@@ -202,7 +201,7 @@ def exp(x: Term) -> Term:
 
 
 def log(x: Term) -> Term:
-    """Return the natural logarithm; NaN for negative numbers, -inf for zero."""
+    """Return the natural logarithm; NaN for a negative number, -inf for zero."""
     graph = x.graph
     tiny = x < 2.2250738585072014e-308
     scaled = _where(tiny, x * 2.0**54, x)
@@ -222,7 +221,7 @@ def log(x: Term) -> Term:
 
 
 def hypot(x: Term, y: Term) -> Term:
-    """Return the length of a vector."""
+    """Return the length of the vector (x, y)."""
     graph = x.graph
     square = x * x + y * y
     # Smaller and larger squares lose bits.
@@ -246,7 +245,7 @@ FUNCTIONS: dict[str, Callable[..., Term]] = {
 
 
 def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
-    """Replace transcendental functions by arithmetic in ``roots`` and in the graph's guards; new guards are added."""
+    """Replace transcendental functions in ``roots`` and in the graph's guards by arithmetic; guards may be added."""
     lowered_nodes: dict[int, Node] = {}
     guards, graph.guards = graph.guards, []
     for node in ordered([*roots, *guards]):
@@ -278,7 +277,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 class Immediate:
-    """Stand-in for a graph that computes with arrays at once."""
+    """Stand-in for a graph whose operations are computed at once, on arrays."""
 
     def __init__(self) -> None:
         self.guards: list[Any] = []
@@ -291,7 +290,7 @@ class Immediate:
 
 
 class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
-    """Array whose ``numpy.arctan2`` is computed by arithmetic: NumPy's bits differ between processors."""
+    """Array whose ``numpy.arctan2`` is computed by arithmetic, as NumPy's bits differ between processors."""
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **options: Any) -> Any:
         if "out" in options:
@@ -307,7 +306,7 @@ class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
 
 
 def _angles(y: Array, x: Array) -> Array:
-    """Return ``arctan2`` of arrays of one shape, with the bits of the function of terms.
+    """Compute the angles of the points (x, y) in arrays of one shape, with the same bits as :func:`arctan2`.
 
     A ratio of at most 7/16 needs neither a reduction of the angle nor a guard, so the polynomial alone is computed.
     """
@@ -332,5 +331,5 @@ def _plain(value: Any) -> Any:
 
 
 def by_arithmetic(values: npt.ArrayLike) -> Array:
-    """Return numbers as a ``ByArithmetic`` array."""
+    """Return numbers as an array whose ``numpy.arctan2`` gives the same bits on every processor."""
     return np.asarray(values).view(ByArithmetic)

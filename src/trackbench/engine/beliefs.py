@@ -38,12 +38,12 @@ RANKS = {
 
 
 def component_axes(name: str) -> int:
-    """Return the number of component axes of a named array that is no option."""
+    """Return how many component axes, before the batch axes, an array with this name has."""
     return RANKS[name.partition(" ")[0]]
 
 
 def belief_values(belief: AnyBelief, at: str = "", without: Collection[str] = ()) -> dict[str, Any]:
-    """Return the arrays of a belief by name; ``at`` ends each name, and names in ``without`` are left out."""
+    """Return the arrays of a belief by name; ``at`` is appended to each name, and names in ``without`` are left out."""
     result: dict[str, Any]
     if isinstance(belief, MultiModelBelief):
         result = {"probability" + at: belief.probability}
@@ -60,7 +60,7 @@ def belief_values(belief: AnyBelief, at: str = "", without: Collection[str] = ()
 
 
 def belief_of(values: Values, modes: int, at: str = "") -> AnyBelief:
-    """Build a belief from named arrays; ``modes`` is its number of modes, 0 for a single motion model."""
+    """Build a belief from named arrays; ``modes`` is the number of its motion models, 0 for a belief without modes."""
     if modes:
         parts = [belief_of(values, 0, f"{at} {number}") for number in range(modes)]
         singles = tuple(part for part in parts if isinstance(part, Belief))
@@ -75,7 +75,7 @@ def _belief_names(at: str) -> list[str]:
 
 
 def prediction_values(predicted: PredictedMeasurement, at: str = "") -> dict[str, Any]:
-    """Return the arrays of a predicted measurement by name."""
+    """Return the arrays of a predicted measurement by name; ``at`` is appended to each name."""
     result = {"expected" + at: predicted.mean, "spread" + at: predicted.covariance, "cross" + at: predicted.cross}
     for number, mode in enumerate(predicted.modes):
         result |= prediction_values(mode, f"{at} {number}")
@@ -83,30 +83,30 @@ def prediction_values(predicted: PredictedMeasurement, at: str = "") -> dict[str
 
 
 def prediction_of(values: Values, modes: int, at: str = "") -> PredictedMeasurement:
-    """Build a predicted measurement from named arrays."""
+    """Build a predicted measurement from named arrays; ``modes`` is as in :func:`belief_of`."""
     parts = tuple([prediction_of(values, 0, f"{at} {number}") for number in range(modes)]) if modes else ()
     return PredictedMeasurement(values["expected" + at], values["spread" + at], values["cross" + at], parts)
 
 
 def scan_values(scan: Scan) -> dict[str, Any]:
-    """Return the arrays of a scan by name."""
+    """Return the arrays of a scan, with its measurements, by name."""
     noise, pose, velocity = scan.noise_covariance, scan.sensor_pose, scan.sensor_velocity
     return {"measurement": scan.measurement, "valid": scan.valid, "noise": noise, "pose": pose, "velocity": velocity}
 
 
 def sensor_values(scan: Scan) -> dict[str, Any]:
-    """Return the arrays of a scan by name, without its measurements."""
+    """Return the arrays by name that describe a scan's sensor, without the measurements."""
     return {"noise": scan.noise_covariance, "pose": scan.sensor_pose, "velocity": scan.sensor_velocity}
 
 
 def any_scan(values: Values, scan: Scan) -> Scan:
-    """Return the scan with named arrays in place of its own, and a meaningless measurement."""
+    """Return ``scan`` with the named arrays that describe its sensor, and a meaningless measurement."""
     measurement = np.zeros(len(values["noise"]))
     return scan_of({**values, "measurement": measurement, "valid": np.ones((), dtype=bool)}, scan)
 
 
 def scan_of(values: Values, scan: Scan) -> Scan:
-    """Return the scan with named arrays in place of its own."""
+    """Return ``scan`` with its arrays replaced by the named arrays."""
     return scan._replace(
         measurement=values["measurement"],
         valid=values["valid"],
@@ -117,7 +117,7 @@ def scan_of(values: Values, scan: Scan) -> Scan:
 
 
 def scan_placeholder(kind: str, sensor: str | None) -> Scan:
-    """Return a scan with nothing but its kind, and its sensor if stated, so that no more can be traced."""
+    """Return a scan with only its kind, and its sensor if stated, so that equations can depend on nothing else."""
     known = {"kind": kind, "sensor": sensor}
     fields: list[Any] = [known.get(name) for name in Scan._fields]
     return Scan(*fields)

@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 def require_engine(name: str) -> None:
-    """Make sure that an engine is available.
+    """Raise an error unless the engine with this name is available.
 
     Raises:
         InputError: no engine has this name, or the fused engine is not available on this machine.
@@ -67,7 +67,7 @@ def _kernels() -> Kernels:
 
 
 def seconds_on_kernels(engine: Engine) -> float:
-    """Return the time that this process has spent on making kernels, s."""
+    """Return how long this process has spent on making kernels for an engine, s."""
     return 0.0 if engine == "numpy" else _kernels().seconds
 
 
@@ -77,7 +77,7 @@ def compute_by(engine: Engine) -> Compute:
 
 
 def kernels_of(compute: Compute, members: int) -> Kernels | None:
-    """Return ``compute`` if it can run sequences of calls for groups of so many members; else None."""
+    """Return the kernels of ``compute`` if they can run sequences for groups of ``members`` members; else None."""
     if compute is by_numpy:
         return None
     from trackbench.engine.kernels import Kernels
@@ -87,7 +87,7 @@ def kernels_of(compute: Compute, members: int) -> Kernels | None:
 
 
 def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
-    """Return a filter that computes with an engine."""
+    """Return a filter whose steps are computed by an engine."""
     if engine == "numpy":
         return filter
     from trackbench.engine.filters import fused_filter
@@ -97,7 +97,7 @@ def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
 
 @contextmanager
 def users_kernels_compared(engine: Engine, compares: bool) -> Iterator[None]:
-    """Set for the context whether users' kernels are compared with NumPy, as in the first block of a run."""
+    """Set for the context whether kernels of users' models are compared with NumPy, as in the first block of a run."""
     if engine == "numpy":
         yield
         return
@@ -109,6 +109,6 @@ def users_kernels_compared(engine: Engine, compares: bool) -> Iterator[None]:
 
 
 def engine_used_by(filter: Filter[Any]) -> EngineUsed:
-    """Return which engine computed the steps of a filter so far."""
+    """Return the record of the engines that have computed the steps of a filter."""
     result: EngineUsed = getattr(filter, "used", EngineUsed("numpy"))
     return result

@@ -14,21 +14,21 @@ ComputedBy = Literal["numpy", "fused", "fused and numpy"]
 
 
 class EngineUsed(NamedTuple):
-    """Record of the engine that computed the steps of a built-in tracker."""
+    """Engine that computed the steps of a built-in tracker, and why not the fused one."""
 
     engine: ComputedBy
     why_numpy: str = ""
-    """Reasons why the fused engine left steps to NumPy; empty if it left none."""
+    """Reasons why the fused engine left steps to NumPy; empty if NumPy was not needed."""
     again: int = 0
-    """Number of members of batches that NumPy recomputed because their guard did not hold."""
+    """Number of members that NumPy recomputed, in all batches, because their guard did not hold."""
     of_pure: bool = False
-    """Whether ``why_numpy`` concerns a user's class that says ``pure = True``."""
+    """Whether a class in ``why_numpy`` is a user's that declares ``pure = True``, and yet was left to NumPy."""
     differs: bool = False
-    """Whether a kernel of a user's class gave other numbers than NumPy, so that NumPy recomputes all runs."""
+    """Whether a kernel of a user's class gave values other than NumPy's, so that NumPy recomputes all runs."""
 
 
 def joined_engines(parts: Iterable[EngineUsed]) -> EngineUsed | None:
-    """Merge the records of all parts of a run; return None without parts."""
+    """Merge the engine records of all blocks of a run into one; return None if there are none."""
     used = list(parts)
     if not used:
         return None
@@ -44,55 +44,55 @@ Values = Mapping[str, Any]
 
 
 class Equations(NamedTuple):
-    """Function written with NumPy, whose result for a member of a batch does not depend on the other members."""
+    """Function on arrays, written with NumPy, whose result for a member of a batch depends on no other member."""
 
     name: str
-    """Name of the result, for messages."""
+    """Name of the result, such as "update", for messages."""
     function: Callable[[Values], Values]
     ranks: Mapping[str, int]
-    """Number of component axes of each input; batch axes follow."""
+    """Number of component axes of each input, by the input's name; batch axes follow the component axes."""
     symmetric: frozenset[str] = frozenset()
-    """Inputs that are symmetric matrices."""
+    """Names of the inputs that are symmetric matrices."""
     counted: Mapping[str, str] = {}
-    """Name of a mask among the inputs, for each input or output that means nothing, and need not be finite, where that
-    mask is False."""
+    """Name of a mask among the inputs, by the name of an input or output that means nothing, and need not be finite,
+    where that mask is False."""
     key: Hashable = None
-    """Key that tells equations of one name apart; None where the name does."""
+    """Key that distinguishes equations with the same name; None if the name is unique."""
     modes: Mapping[str, str] = {}
-    """Mode of each output that a sequence of calls adds up, ``ADDED`` or ``SUMMED`` of ``layout``."""
+    """How a sequence of calls adds up an output, ``ADDED`` or ``SUMMED`` of ``layout``, by the output's name."""
     user_types: tuple[type, ...] = ()
-    """Users' classes of motion models and sensors that the function calls."""
+    """Motion models and sensors, defined outside trackbench, that ``function`` calls."""
 
 
 class Compute(Protocol):
-    """Function that computes equations."""
+    """Function with which an engine computes equations."""
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
         """Return the outputs of equations by name, each ``(components..., batch...)`` with all batch axes.
 
         Args:
-            equations: equations to compute.
+            equations: function to evaluate, with the form of its inputs.
             values: the inputs, with the batch axes of ``equations.ranks`` or none; a mask is an array of bool.
         """
         ...
 
 
 def by_numpy(equations: Equations, values: Values) -> dict[str, Array]:
-    """Compute equations by NumPy, which is the reference."""
+    """Compute equations by NumPy, the reference for the fused engine."""
     return dict(equations.function(values))
 
 
 def by_numpy_alone(
     equations: Equations, batch: tuple[int, ...], values: Values, outputs: Mapping[str, Array], places: Indices
 ) -> dict[str, Array]:
-    """Compute some members of a batch by NumPy; return outputs ``(components..., places)`` by name.
+    """Compute some members of a batch by NumPy; return outputs ``(components..., members)`` by name.
 
     Args:
         equations: equations to compute.
         batch: lengths of the batch axes.
         values: inputs of all members.
-        outputs: outputs of all members, as far as there are any.
-        places: numbers of the members to compute, in one call.
+        outputs: outputs of all members, from an earlier computation; may be empty.
+        places: indices ``(members,)`` in the flattened batch of the members to compute.
     """
     wanted = len(places)
     if batch and wanted == 1:
@@ -113,7 +113,7 @@ def by_numpy_alone(
 
 
 def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
-    """Return the batch axes to which the inputs broadcast."""
+    """Return the lengths of the batch axes to which the inputs broadcast."""
     shapes = {np.shape(values[name])[rank:] for name, rank in ranks.items()}
     if len(shapes) == 1:
         return shapes.pop()
@@ -131,5 +131,4 @@ def _select_members(value: Any, rank: int, batch: tuple[int, ...], places: Indic
 
 
 def _one_axis(axes: int, count: int) -> tuple[int, ...]:
-    """Return lengths of batch axes that are 1, except for the last, which has all members."""
     return (1,) * (axes - 1) + (count,) * (axes > 0)

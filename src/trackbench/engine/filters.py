@@ -42,7 +42,7 @@ ANY_TIME = 0.1
 
 
 class FusedFilter:
-    """Filter that computes each step by one kernel, and by NumPy where a step cannot be traced."""
+    """Filter that computes each step by one kernel of the fused engine, and by NumPy where a step cannot be traced."""
 
     def __init__(self, filter: Filter[Any], kernels: Kernels) -> None:
         self.filter = filter
@@ -56,7 +56,7 @@ class FusedFilter:
         self._sensors_matter = any(motion.sensors_with_errors for motion in filter.motions)
         self._equations: dict[Hashable, Equations] = {}
         self._scan: Any = None
-        """Scan of the current call; kernels get only its arrays."""
+        """Scan that the current call depends on; a kernel gets only its arrays."""
         self._user_types = user_types(filter.motions)
         self._by_kernels, self._again, self._of_pure, self._differs = False, 0, False, False
         self._untraced: dict[str, str] = {}
@@ -93,16 +93,16 @@ class FusedFilter:
         return belief_of(self.computed("prediction", _predicted, values), self.modes)
 
     def predict_measurement(self, belief: AnyBelief, scan: Scan) -> PredictedMeasurement:
-        """Return the predicted measurement for a scan, by NumPy."""
+        """Return the predicted measurement for a scan, computed by NumPy."""
         return self.filter.predict_measurement(belief, scan)
 
     def update(self, belief: AnyBelief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Any]:
-        """Return the belief after a scan; the kernel recomputes ``predicted``."""
+        """Return the belief updated with a scan; the kernel does not use ``predicted`` and computes it anew."""
         values = belief_values(belief) | scan_values(scan)
         return self._update_of(self.computed("update", _updated, values, scan))
 
     def step(self, belief: AnyBelief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Any]:
-        """Predict by ``dt`` seconds and update with a scan; see :class:`trackbench.filters.Step`."""
+        """Predict by ``dt`` seconds and update with a scan; mark the members whose prediction the guard refuses."""
         values = belief_values(belief, without=REUSED) | self.time(dt) | scan_values(scan)
         result = self.computed("step", partial(_step, guard=guard), values, scan, guard)
         cartesian = Gaussian(result["cartesian"], result["cartesian covariance"])
@@ -110,7 +110,7 @@ class FusedFilter:
         return Step(self._update_of(result), cartesian, refused)
 
     def smooth(self, belief: AnyBelief, later: AnyBelief, dt: float) -> AnyBelief:
-        """Return the smoothed belief, by NumPy."""
+        """Return the smoothed belief, computed by NumPy."""
         self._untraced.setdefault("smoothing", "smoothers are computed by NumPy")
         result: AnyBelief = self.filter.smooth(belief, later, dt)
         return result
@@ -122,7 +122,7 @@ class FusedFilter:
         return Gaussian(result["cartesian"], result["cartesian covariance"])
 
     def time(self, dt: float) -> dict[str, Any]:
-        """Return the inputs of a prediction that depend on the time step."""
+        """Return the inputs of a prediction that depend on the time step ``dt`` in s, by name."""
         return {"dt": dt} if self._chain is None else {"dt": dt, "chain": self._chain(dt)}
 
     def _update_of(self, result: Mapping[str, Array]) -> Update[Any]:
@@ -135,17 +135,17 @@ class FusedFilter:
         )
 
     def step_kernel(self, belief: AnyBelief, scan: Scan, guard: StepGuard | None) -> Kernel | None:
-        """Return the kernel of steps with such a belief and scan, for a sequence of calls; None without one."""
+        """Return the kernel of steps with a belief and scan like these, for call sequences; None if NumPy computes."""
         values = belief_values(belief, without=REUSED) | self.time(ANY_TIME) | scan_values(scan)
         return self._kernel(self._equations_of("step", partial(_step, guard=guard), values, scan, guard), values)
 
     def prediction_kernel(self, belief: AnyBelief) -> Kernel | None:
-        """Return the kernel of predictions from such a belief, for a sequence of calls; None without one."""
+        """Return the kernel of predictions from beliefs like this, for a sequence of calls; None if NumPy computes."""
         values = belief_values(belief, without=REUSED) | self.time(ANY_TIME)
         return self._kernel(self._equations_of("prediction", _predicted, values), values)
 
     def cartesian_kernel(self, belief: AnyBelief) -> Kernel | None:
-        """Return the kernel of px, py, vx, vy of such a belief, for a sequence of calls; None without one."""
+        """Return the kernel from beliefs like this to px, py, vx, vy, for call sequences; None if NumPy computes."""
         values = belief_values(belief, without=REUSED)
         return self._kernel(self._equations_of("cartesian", _cartesian, values), values)
 
@@ -165,14 +165,14 @@ class FusedFilter:
         scan: Scan | None = None,
         made_for: Hashable = None,
     ) -> dict[str, Array]:
-        """Compute a function of the filter and of named arrays.
+        """Compute a function of the filter and of named arrays, by a kernel where possible.
 
         Args:
             name: name of the result, for messages.
-            function: function of the call's arguments and of the arrays.
+            function: function of the filter's arguments and of the named arrays, which can be traced.
             values: arrays by their names in ``beliefs``.
-            scan: scan on which the result depends; None without one.
-            made_for: key that tells the function from others of the same name.
+            scan: scan on which the result depends; None if it depends on no scan.
+            made_for: key that distinguishes functions with the same ``name``.
         """
         self._scan = scan
         equations = self._equations_of(name, function, values, scan, made_for)
@@ -199,7 +199,7 @@ class FusedFilter:
         scan: Scan | None = None,
         made_for: Hashable = None,
     ) -> Equations:
-        """Return the equations, which are made once, with the options of the motion models as inputs."""
+        """Return the equations of :meth:`computed`, made once, with the motion models' options as further inputs."""
         kind = "" if scan is None else scan.kind
         sensor = scan.sensor if scan is not None and self._sensors_matter else None
         # Editing a sensor in a notebook makes another class of the same name.
@@ -226,23 +226,23 @@ class FusedFilter:
 
 @cache
 def kernels() -> Kernels:
-    """Return the kernels of this process."""
+    """Return this process's only engine that compiles and stores kernels."""
     return Kernels()
 
 
 def fused_filter(filter: Filter[Any]) -> FusedFilter:
-    """Return a filter that uses the kernels of this process."""
+    """Return a filter that computes with the kernels of this process."""
     return FusedFilter(filter, kernels())
 
 
 class FilterCall(NamedTuple):
-    """Arguments of a traced function of a filter."""
+    """Arguments, besides named arrays, of a filter's function that is traced."""
 
     filter: Any
     modes: int
-    """Number of modes of the beliefs; 0 for a single motion model."""
+    """Number of the beliefs' motion models; 0 for beliefs without modes."""
     scan: Scan
-    """Scan on which the function depends, without the arrays that are among the values."""
+    """Scan on which the function depends; its arrays are passed separately by name."""
 
 
 def _filter_in_words(filter: Filter[Any]) -> str:
@@ -250,7 +250,7 @@ def _filter_in_words(filter: Filter[Any]) -> str:
 
 
 def predicted_belief(call: FilterCall, values: Values) -> AnyBelief:
-    """Predict the belief among the values by the time step among them."""
+    """Return the prediction of the belief in ``values`` by the time step in ``values``."""
     belief = belief_of(values, call.modes)
     # With no time passed modes are not mixed, so that one that is not finite does not affect the others.
     if call.modes and (is_traced(values) or values["dt"] > 0.0):

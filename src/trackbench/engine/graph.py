@@ -52,15 +52,15 @@ class Untraceable(TypeError):
 
 @dataclass(eq=False, slots=True)
 class Node:
-    """Operation, input or constant."""
+    """Node of a graph: an operation, an input's component or a constant."""
 
     number: int
     op: str
     arguments: tuple[Node, ...] = ()
     value: float | bool | tuple[str, int] | None = None
-    """Value of a constant; name and component number of an input."""
+    """Number or truth value of a constant; name and component index of an input; None for an operation."""
     level: int = ALL
-    """Level of sharing: ``ALL``, ``GROUP`` or ``MEMBER``."""
+    """Members that share the value: ``ALL`` of the batch, a ``GROUP`` of them, or one ``MEMBER`` alone."""
     boolean: bool = False
 
     @property
@@ -69,29 +69,29 @@ class Node:
 
     @property
     def uniform(self) -> bool:
-        """Whether all members of a batch share the value."""
+        """Whether all members of a batch share the value of the node."""
         return self.level == ALL
 
 
 class Graph:
-    """Operations of one function, each once.
+    """Operations of one function as nodes, none of them twice.
 
-    Zeros are dropped from sums and products, which loses the sign of a zero, and hides a factor that is not finite.
+    Zeros are left out of sums and products. This loses the sign of a zero, and hides a factor that is not finite.
     """
 
     def __init__(self) -> None:
         self.guards: list[Node] = []
-        """Conditions on a member under which the graph is right for it."""
+        """Conditions on a member of the batch under which the graph gives the right outputs for it."""
         self.dropped: dict[int, Node] = {}
-        """Dropped nodes, as of a product with zero, by number; the graph is right where they are finite."""
+        """Nodes left out, as in a product with zero, by number; the graph is right only if they are finite."""
         self.refused: str | None = None
-        """Reason why the function cannot be traced, even if the function caught the error; None if it can."""
+        """Reason why the function cannot be traced, kept even if the function catches the error; None if it can be."""
         self._applied: dict[tuple[object, ...], Node] = {}
         self._leaves: dict[object, Node] = {}
         self._count = 0
 
     def refuse(self, reason: str) -> NoReturn:
-        """Record that a function cannot be traced, and raise it.
+        """Record the reason why a function cannot be traced, and raise an error with it.
 
         Raises:
             Untraceable: always.
@@ -100,14 +100,14 @@ class Graph:
         raise Untraceable(reason)
 
     def input(self, name: str, component: int, *, level: int, boolean: bool = False) -> Node:
-        """Return the node of a component of an input."""
+        """Return the node of a component, by its index, of the input with a name."""
         at = name, component
         if at not in self._leaves:
             self._leaves[at] = self._node("input", (), at, level, boolean)
         return self._leaves[at]
 
     def first_component(self, name: str) -> Node | None:
-        """Return the node of an input's first component; None without such an input."""
+        """Return the node of the first component of the input with a name; None if there is no such input."""
         return self._leaves.get((name, 0))
 
     def constant(self, value: float | bool) -> Node:
@@ -129,14 +129,14 @@ class Graph:
         return result
 
     def all_of(self, conditions: Iterable[Node]) -> Node:
-        """Return the condition that all conditions hold."""
+        """Return a node that is True where all ``conditions`` are."""
         result = self.constant(True)
         for condition in conditions:
             result = self.apply("and", result, condition)
         return result
 
     def as_number(self, node: Node) -> Node:
-        """Return a truth value as 1.0 or 0.0, and a number unchanged."""
+        """Return a number unchanged, and a truth value as 1.0 or 0.0."""
         return self.apply("where", node, self.constant(1.0), self.constant(0.0)) if node.boolean else node
 
     def raw(self, op: str, *arguments: Node, boolean: bool = False) -> Node:
@@ -144,7 +144,7 @@ class Graph:
         return self._node(op, arguments, None, max(argument.level for argument in arguments), boolean)
 
     def negative(self, node: Node) -> Node:
-        """Return the negative of a number."""
+        """Return the node of a number with the opposite sign."""
         return self.constant(-node.value) if isinstance(node.value, float) and node.constant else self.raw("neg", node)
 
     def _make(self, op: str, arguments: tuple[Node, ...]) -> Node:
@@ -171,7 +171,7 @@ class Graph:
         return Node(self._count, op, arguments, value, level, boolean)
 
     def _simplify(self, op: str, arguments: tuple[Node, ...]) -> Node | None:
-        """Return an equal node without the operation, or with a cheaper one; None where there is none."""
+        """Return an equal node that costs less than the operation; None if there is none."""
         if arguments[0].constant and op in KNOWN and all(argument.constant for argument in arguments):
             try:
                 return self.constant(KNOWN[op](*(argument.value for argument in arguments)))
@@ -267,9 +267,9 @@ def _number(node: Node) -> float | None:
 
 
 def with_fused_sums(graph: Graph, roots: Sequence[Node]) -> list[Node]:
-    """Replace sums by fused operations, ``fma(a, b, c)`` for ``a b + c``, where a product has no other use.
+    """Replace ``a b + c`` by the fused operation ``fma(a, b, c)`` where the product has no other use.
 
-    Whether members share a number does not affect which sums are replaced.
+    Which sums are replaced does not depend on whether members of the batch share a number.
     """
     steps = list(ordered(roots))
     needed = Counter(item.number for node in steps for item in node.arguments)
@@ -292,7 +292,7 @@ def with_fused_sums(graph: Graph, roots: Sequence[Node]) -> list[Node]:
 
 
 def ordered(roots: Sequence[Node], made: Iterable[int] = ()) -> Iterator[Node]:
-    """Yield each node that the roots need, after its arguments; nodes that are used together come close to each other.
+    """Yield each node that the roots need, after its arguments, and near the nodes that use it.
 
     ``made``: numbers of nodes to leave out.
     """

@@ -29,27 +29,27 @@ LEAST_GROUP = 8 * vector_code.WIDTH
 
 
 class Kernel(NamedTuple):
-    """Machine code of equations for inputs of certain shapes."""
+    """Machine code of equations for inputs with certain numbers of components and batch axes."""
 
     layout: KernelLayout
     code: MachineCode
     parts: list[tuple[str, tuple[int, ...], slice, bool]]
-    """Name, component shape, rows, and whether it is a mask, for each output."""
+    """Name, component shape, rows in the result, and whether it is a mask, for each output."""
     rows: tuple[int, int]
-    """Number of rows of numbers, and of masks."""
+    """Number of rows of numbers, and number of rows of masks, over all outputs."""
 
 
 class CallPlan(NamedTuple):
-    """Plan of calls with inputs of certain shapes."""
+    """How to call equations whose inputs have certain shapes and types: a kernel, or NumPy."""
 
     equations: Equations
     kernel: Kernel | None
-    """Kernel of the equations; None where NumPy computes."""
+    """Kernel of the equations; None if NumPy computes them."""
     grouped: bool
-    """Whether each group of members is computed by itself."""
+    """Whether each group of members is computed in a call of its own."""
     inputs: Sequence[tuple[str, Input, type, bool, bool]]
-    """Name, layout, type, whether a contiguous array needs no copy, and whether all members share it, for each input
-    that the kernel reads."""
+    """For each input that the kernel reads: its name, layout and type, whether a contiguous array needs no copy, and
+    whether all members share it."""
 
 
 class Kernels:
@@ -65,18 +65,18 @@ class Kernels:
         self._kernels: dict[tuple[Any, ...], Kernel | None] = {}
         self._plans: dict[Hashable, CallPlan] = {}
         self.compares = True
-        """Whether kernels of users' models are compared with NumPy, as in the first block of a run."""
+        """Whether kernels of users' models are compared with NumPy, as is done in the first block of a run."""
         self.differing: set[Hashable] = set()
-        """Keys of equations whose kernels gave other numbers than NumPy."""
+        """Keys of the equations whose kernels gave values other than NumPy's."""
         self.untraced: dict[Hashable, tuple[str, str]] = {}
-        """Name and reason of each set of equations that NumPy computes, by its key."""
+        """Name of the equations that NumPy computes, and the reason, by their key."""
         self.members_by_numpy = 0
-        """Number of members of batches that NumPy recomputed."""
+        """Number of members that NumPy recomputed, in all batches."""
         self.seconds = 0.0
         """Time spent on making or loading kernels, s."""
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
-        """Compute the outputs of equations; see :class:`trackbench.engine.equations.Compute`."""
+        """Compute the outputs of equations, each ``(components..., batch...)``, by name."""
         plan, batch = self.plan(equations, values)
         if plan.kernel is None or 0 in batch:
             return by_numpy(equations, values)
@@ -95,12 +95,12 @@ class Kernels:
         return self._stated_processor or Processor()
 
     def code(self, text: str, arrays: int) -> MachineCode:
-        """Return the machine code of an LLVM text, whose function takes two numbers and so many arrays."""
+        """Return the machine code of an LLVM text, whose function takes two numbers and ``arrays`` arrays."""
         code = self._load_or_make(text, lambda: self._processor.object_code(text))
         return self._processor.function(code, arrays)
 
     def plan(self, equations: Equations, values: Values) -> tuple[CallPlan, tuple[int, ...]]:
-        """Return the plan for inputs of such shapes, whatever the number of members, and the batch axes."""
+        """Return the plan for inputs of these shapes, with any number of members, and the batch axes' lengths."""
         signature: list[Any] = []
         batch: tuple[int, ...] = ()
         is_regular = True
@@ -141,7 +141,7 @@ class Kernels:
         return plan
 
     def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
-        """Return the machine code of equations for certain inputs; None where NumPy computes them."""
+        """Return the machine code of equations for inputs of these shapes and types; None if NumPy computes them."""
         made_for = equations.name, equations.key, tuple(inputs)
         if made_for not in self._kernels:
             begin = time.perf_counter()
@@ -177,7 +177,7 @@ class Kernels:
         return traced.layout, self._processor.object_code(text)
 
     def _load_or_make(self, source: str | None, make: Callable[[], Any]) -> Any:
-        """Load the value of a source from the cache, or make and store it; without a source only make it."""
+        """Load the value of a source from the cache, else make and store it; if ``source`` is None, only make it."""
         if source is None:
             return make()
         key = hashlib.sha256(f"{self._processor.key}\n{source}".encode()).hexdigest()
@@ -206,7 +206,7 @@ class Kernels:
 
 
 def _why_not_traced(equations: Equations, differs: bool) -> str | None:
-    """Return why no kernel may be made of users' classes; None where it may."""
+    """Return why the users' classes in the equations may not be compiled; None if they may."""
     without_pure = [kind.__name__ for kind in equations.user_types if not says_pure(kind)]
     if without_pure:
         return f"{' and '.join(without_pure)} {'does' if len(without_pure) == 1 else 'do'} not say pure = True"
@@ -228,7 +228,7 @@ def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:
 def _run(
     plan: CallPlan, kernel: Kernel, values: Values, batch: tuple[int, ...]
 ) -> tuple[dict[str, Array], Mask | None]:
-    """Call a kernel; return its outputs, and a mask of the members for which they are right (None: all)."""
+    """Call a kernel; return its outputs by name, and a mask of the members for which they are right (None: all)."""
     members = prod(batch)
     padded, groups = max(members, vector_code.WIDTH), prod(batch[:-1]) if plan.grouped else 1
     arrays = []
@@ -253,7 +253,7 @@ def _run(
 
 
 def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.NDArray[Any]:
-    """Return an input as the kernel reads it: contiguous rows of components, padded with the last member."""
+    """Return an input as a kernel reads it: contiguous rows of components, padded by repeating the last member."""
     kind, full = bool if item.boolean else float, item.full(batch)
     array = value if value.shape == full else np.broadcast_to(value, full)
     array = np.ascontiguousarray(array, dtype=kind)

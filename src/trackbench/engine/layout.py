@@ -16,17 +16,17 @@ from trackbench.engine.graph import ALL, GROUP, MEMBER
 
 
 class Input(NamedTuple):
-    """Input of equations with the shape and type for which a kernel is made."""
+    """Input of equations, with the shape and the type for which a kernel is made."""
 
     name: str
     shape: tuple[int, ...]
-    """Shape of the components."""
+    """Shape ``(components...)`` of the input without its batch axes."""
     batch_axes: int
     """Number of batch axes after the components; 0 where all members share the input."""
     kind: str
-    """NumPy's character of the type: d for doubles, ? for a mask; other types are not traced."""
+    """NumPy's type character: "d" for doubles, "?" for a mask; equations with other types are not traced."""
     shared: bool = False
-    """Whether the last batch axis has length one although the batch has several members."""
+    """Whether the input has length 1 on the last batch axis although the batch has several members there."""
 
     @property
     def boolean(self) -> bool:
@@ -34,13 +34,13 @@ class Input(NamedTuple):
 
     @property
     def level(self) -> int:
-        """Level of sharing: ``ALL``, ``GROUP`` or ``MEMBER``; see :class:`trackbench.engine.graph.Node`."""
+        """Members that share the input: ``ALL`` of the batch, a ``GROUP`` of them, or one ``MEMBER`` alone."""
         if self.batch_axes == 0:
             return ALL
         return GROUP if self.shared else MEMBER
 
     def full(self, batch: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the shape in which a kernel reads the input."""
+        """Return the shape in which a kernel reads the input, for batch axes of lengths ``batch``."""
         if self.level == ALL:
             return self.shape
         return (*self.shape, *batch[:-1], 1) if self.shared else self.shape + batch
@@ -52,31 +52,31 @@ ADDED, SUMMED = "added", "summed"
 
 
 class Output(NamedTuple):
-    """Output of a kernel."""
+    """Output of a kernel, with its component shape."""
 
     name: str
     shape: tuple[int, ...]
     boolean: bool
     mode: str = ""
-    """``ADDED``, ``SUMMED`` or neither."""
+    """How a sequence of calls adds up the output: ``ADDED`` or ``SUMMED``; empty if it does not."""
 
     @property
     def size(self) -> int:
-        """Number of components."""
+        """Number of components of the output."""
         return int(np.prod(self.shape, dtype=int))
 
 
 class KernelLayout(NamedTuple):
-    """Inputs that a kernel reads, in the order of its table, and its outputs, numbers and masks apart."""
+    """Inputs that a kernel reads, in order, and its outputs; rows of numbers and rows of masks are apart."""
 
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
     same: Mapping[str, str] = {}
-    """Names of outputs that equal another output, each with the name of that output."""
+    """Name of an equal output, for each output that is not computed because another one equals it."""
 
     @property
     def first_rows(self) -> list[int]:
-        """First row of each output, counted among the rows of numbers or of masks."""
+        """First row of each output, among the rows of numbers or among the rows of masks."""
         result: list[int] = []
         # The first row of masks is the guard.
         filled = [0, 1]
@@ -90,7 +90,7 @@ PACKAGE = Path(__file__).parent.parent
 
 
 def source_key(equations: Equations, inputs: Sequence[Input]) -> str | None:
-    """Return text that identifies a kernel of trackbench's equations; None for users' equations, which may change."""
+    """Return a text that identifies the kernel of equations on disk; None for users' equations, which may change."""
     source = package_source()
     of_package = equations.function.__module__.startswith("trackbench.") and not equations.user_types
     if source is None or not of_package:
@@ -103,7 +103,7 @@ def source_key(equations: Equations, inputs: Sequence[Input]) -> str | None:
 def package_source() -> str | None:
     """Return a checksum of the package's source; None where the process may have loaded another source.
 
-    That is so where there are no sources, they cannot be read, or a file was changed after the process began.
+    So it is None if sources are missing or unreadable, or a file was changed after the process began.
     """
     files = sorted(PACKAGE.rglob("*.py"))
     total = hashlib.sha256()
@@ -118,7 +118,7 @@ def package_source() -> str | None:
 
 
 def _key_text(value: Hashable) -> str | None:
-    """Return a key as text that means the same in another process; None where that is not possible."""
+    """Return a key as text that means the same in another process; None if that is not possible."""
     if isinstance(value, tuple):
         parts = [_key_text(item) for item in value]
         return None if None in parts else f"({', '.join(map(str, parts))})"

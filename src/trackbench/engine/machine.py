@@ -29,7 +29,7 @@ OPTION = "-enable-misched=false"
 
 @cache
 def unavailable() -> str | None:
-    """Return why machine code cannot be made on this machine; None where it can."""
+    """Return why machine code cannot be made on this machine; None if it can."""
     try:
         import llvmlite.binding as llvm
 
@@ -48,7 +48,7 @@ def unavailable() -> str | None:
 
 
 def _no_executable_memory() -> str | None:
-    """Return why memory cannot be made executable, at which LLVM would end the process; None where it can."""
+    """Return why memory cannot be made executable, which would make LLVM end the process; None if it can."""
     try:
         page = mmap.mmap(-1, mmap.PAGESIZE)
         address = ctypes.addressof(ctypes.c_char.from_buffer(page))
@@ -94,14 +94,14 @@ class Processor:
         self.key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def object_code(self, text: str) -> bytes:
-        """Return the unique name of a module's function, a line break, and the object file of its text."""
+        """Compile a module's text; return its function's unique name, a line break, and the object file."""
         name = f"{FUNCTION}_{hashlib.sha256(text.encode()).hexdigest()}"
         module = self._llvm.parse_assembly(text.replace(f"@{FUNCTION}", f"@{name}"))
         module.verify()
         return name.encode() + b"\n" + bytes(self._target.emit_object(module))
 
     def function(self, code: bytes, arrays: int) -> MachineCode:
-        """Load the function of ``object_code``, which takes two numbers and so many arrays."""
+        """Load the function in the result of ``object_code``, which takes two numbers and ``arrays`` arrays."""
         head, _, file = code.partition(b"\n")
         name = head.decode()
         if name not in self._loaded:
@@ -121,7 +121,7 @@ class Processor:
 class MachineCode:
     """Machine code in memory; ``call`` takes two numbers, and arrays by their ``id``.
 
-    ``part`` is the address of a kernel's function for a range of members; see ``vector_code.kernel_text``.
+    ``part`` is the address of the kernel's second function, which computes a range of members.
     """
 
     def __init__(self, engine: Any, address: int, arrays: int, part: int) -> None:
@@ -132,7 +132,7 @@ class MachineCode:
 
 
 class KernelCache:
-    """Kernels on disk, by the source from which they were made.
+    """Kernels on disk, each under a key: the source from which it was made.
 
     Each file begins with a checksum of its key and content; a damaged file, or one with another key, counts as missing.
     Where nothing can be written, nothing is cached.
@@ -142,7 +142,7 @@ class KernelCache:
         self._folder = folder or cache_folder() / "kernels"
 
     def find(self, key: str) -> Any:
-        """Return the value of a key; None where there is none."""
+        """Return the value stored under a key; None if there is none."""
         try:
             data = self._place(key).read_bytes()
         except OSError:
@@ -151,7 +151,7 @@ class KernelCache:
         return pickle.loads(packed) if data[:CHECKSUM_BYTES] == _checksum(key, packed) else None
 
     def put(self, key: str, value: Any) -> None:
-        """Store a value under a key."""
+        """Store a value under a key, if the disk can be written."""
         packed = pickle.dumps(value)
         with suppress(OSError):
             write_whole(self._place(key), _checksum(key, packed) + packed)

@@ -24,7 +24,7 @@ LARGEST_POWER = 16
 
 
 def nodes_of(graph: Graph, value: Any) -> Nodes:
-    """Return an array, a number or a list of these as nodes; nodes stay unchanged.
+    """Return an array, a number or a list of these as nodes of the graph; nodes stay unchanged.
 
     Raises:
         Untraceable: an entry is no number, or has another precision.
@@ -42,12 +42,12 @@ def nodes_of(graph: Graph, value: Any) -> Nodes:
 
 
 def is_boolean(nodes: Nodes) -> bool:
-    """Return whether the entries are truth values."""
+    """Return whether the entries of an array of nodes are truth values."""
     return nodes.size > 0 and bool(nodes.flat[0].boolean)
 
 
 def cast(graph: Graph, nodes: Nodes, boolean: bool) -> Nodes:
-    """Convert the entries to truth values, or to numbers."""
+    """Convert the entries to truth values if ``boolean``, else to numbers."""
     if is_boolean(nodes) == boolean:
         return nodes
     zero = graph.constant(0.0)
@@ -57,7 +57,7 @@ def cast(graph: Graph, nodes: Nodes, boolean: bool) -> Nodes:
 
 
 def nodes_of_one_kind(graph: Graph, values: Sequence[Any]) -> list[Nodes]:
-    """Return several arrays as nodes of one kind: truth values where all are, else numbers."""
+    """Return several arrays as nodes of one kind: truth values if all are truth values, else numbers."""
     arrays = [nodes_of(graph, value) for value in values]
     boolean = all(is_boolean(array) for array in arrays)
     return [cast(graph, array, boolean) for array in arrays]
@@ -91,7 +91,7 @@ def elementwise(graph: Graph, op: str, *values: Any) -> Nodes:
 
 
 def folded(graph: Graph, op: str, nodes: Nodes, axes: Sequence[int], empty: float | bool | None) -> Nodes:
-    """Apply an operation along axes; ``empty`` is its result for no entries.
+    """Apply an operation along axes; ``empty`` is its result for an array without entries.
 
     Raises:
         ValueError: there are no entries, and ``empty`` is None.
@@ -107,7 +107,7 @@ def folded(graph: Graph, op: str, nodes: Nodes, axes: Sequence[int], empty: floa
 
 
 def einsum(graph: Graph, spec: str, *values: Any) -> Nodes:
-    """Compute a sum of products; an ellipsis stands for axes that broadcast."""
+    """Compute a sum of products by Einstein's notation ``spec``; an ellipsis stands for axes that broadcast."""
     if "->" not in spec:
         graph.refuse("numpy.einsum without ->")
     inputs, _, wanted = spec.replace(" ", "").partition("->")
@@ -128,7 +128,7 @@ def einsum(graph: Graph, spec: str, *values: Any) -> Nodes:
 
 
 def _ellipsis_last(names: str, array: Nodes) -> tuple[Nodes, tuple[int, ...]]:
-    """Move the axes of an ellipsis to the end; return also their lengths."""
+    """Move the axes of the ellipsis to the end of an array; return also the lengths of these axes."""
     named = len(names.replace("...", ""))
     count = array.ndim - named
     if count < 0 or (count and "..." not in names):
@@ -139,7 +139,7 @@ def _ellipsis_last(names: str, array: Nodes) -> tuple[Nodes, tuple[int, ...]]:
 
 
 def _flat_rest(array: Nodes, named: int, rest: tuple[int, ...]) -> Nodes:
-    """Broadcast the axes after the named ones to ``rest``, and flatten them to one."""
+    """Broadcast the axes after the first ``named`` ones to the shape ``rest``, and flatten them to one axis."""
     lengths, missing = array.shape[:named], len(rest) - (array.ndim - named)
     padded = array.reshape(lengths + (1,) * missing + array.shape[named:])
     return np.broadcast_to(padded, lengths + rest).reshape(*lengths, -1)
@@ -175,7 +175,7 @@ def _sum_of_products(graph: Graph, letters: Sequence[str], wanted: str, arrays: 
 
 
 def power(graph: Graph, base: Any, exponent: Any) -> Nodes:
-    """Compute a whole power by products, or the power of a half by a square root."""
+    """Compute an integer power by products, and the power of a half by a square root."""
     if isinstance(exponent, np.ndarray) and exponent.dtype == object:
         graph.refuse("a power that is known only later")
     if np.ndim(exponent) or (exponent != 0.5 and exponent != int(exponent)):

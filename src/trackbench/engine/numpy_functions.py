@@ -34,10 +34,10 @@ def _fold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Nodes:
 
 
 def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
-    """Return whether all or any entries hold along axes; without axes, return which way a branch goes.
+    """Return nodes whether all or any entries hold along axes; without axes, return the way of a branch.
 
-    A branch goes as if all, or none, of the entries held, and this assumption becomes a guard. A branch on input masks
-    alone has no guard: it goes as if the mask differed between members.
+    A branch in the traced function goes as if all, or none, of the entries held. This assumption becomes a guard. A
+    branch on input masks alone has no guard: it goes as if the mask differed between members.
     """
     nodes = cast(graph, nodes_of(graph, values), True)
     result = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
@@ -93,7 +93,7 @@ def _zeros_like(graph: Graph, like: Nodes, dtype: Any = None, shape: Any = None)
 
 
 def _moving(function: Callable[..., Any], as_nodes: Callable[[Graph, Any], Any] = nodes_of) -> Callable[..., Any]:
-    """Return the substitute for a function that only moves or counts entries."""
+    """Return the substitute for a NumPy function that only moves or counts an array's entries."""
     return lambda graph, values, *places, **options: function(as_nodes(graph, values), *places, **options)
 
 

@@ -17,13 +17,13 @@ M = TypeVar("M", bound=MotionModel)
 
 
 def options(filter: Filter[Any]) -> dict[str, Any]:
-    """Return the numeric options of a filter's motion models by name, each a number or one number for each member."""
+    """Return the numeric options of a filter's motion models by name, each one number or one per batch member."""
     motions = enumerate(filter.motions)
     return {name: value for number, motion in motions for name, value in numbers(motion, str(number)).items()}
 
 
 def with_options(filter: Any, values: Values) -> Any:
-    """Return the filter with the named options replaced; the same filter where none changes."""
+    """Return the filter with the named options of its motion models replaced; the same object if none changes."""
     singles = filter.filters if isinstance(filter, InteractingMultipleModel) else (filter,)
     motions = [with_numbers(single.motion, str(number), values) for number, single in enumerate(singles)]
     if all(motion is single.motion for motion, single in zip(motions, singles, strict=True)):
@@ -33,7 +33,7 @@ def with_options(filter: Any, values: Values) -> Any:
 
 
 def numbers(model: MotionModel, at: str) -> dict[str, Any]:
-    """Return the numeric options of a motion model of the package; ``at`` is put before each name."""
+    """Return the numeric options of a motion model of trackbench by name; ``at`` is put before each name."""
     if is_user_type(type(model)):
         # Values that the model derives from its options would not follow other options.
         return {}
@@ -42,7 +42,7 @@ def numbers(model: MotionModel, at: str) -> dict[str, Any]:
 
 
 def with_numbers(model: M, at: str, values: Values) -> M:
-    """Return the motion model with the named options replaced; the same model where none changes."""
+    """Return the motion model with the named options replaced; the same object if none changes."""
     update: dict[str, Any] = {}
     for name, value in _fields(model).items():
         result = _replaced(value, f"{at} {name}", values)
@@ -52,7 +52,7 @@ def with_numbers(model: M, at: str, values: Values) -> M:
 
 
 def form(value: Any) -> Hashable:
-    """Return all on which the kernel of a filter or motion model depends, without the options that are inputs."""
+    """Return a key of all in ``value`` on which a kernel depends, without the numeric options, which are inputs."""
     if isinstance(value, InteractingMultipleModel):
         # The Markov chain of the modes is an input.
         return tuple(map(form, value.filters))

@@ -22,26 +22,26 @@ Addresses = npt.NDArray[np.int64]
 
 
 class ArrayPlace(NamedTuple):
-    """Memory place of an input or output at each call."""
+    """Place in memory of an input or an output, at each call of a sequence."""
 
     address: Addresses
-    """``(calls,)`` or ``(groups, calls)`` address of the data."""
+    """Address of the data at each call, ``(calls,)`` or ``(groups, calls)``."""
     stride: int
-    """Distance of components, in numbers."""
+    """Distance in memory of consecutive components, as a count of numbers."""
     group: int = 0
-    """Distance of groups, in bytes."""
+    """Distance in memory of consecutive groups of members, in bytes."""
     form: Input = Input("", (), 1, "d")
-    """Shape and type of the array for kernels, without a name."""
+    """Shape and type of the array as a kernel reads it; the name is empty."""
 
 
 def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
-    """Return the place of an array in calls.
+    """Return the place in memory of an array at each call of a sequence.
 
     Args:
         array: array with ``axes`` component axes, then steps, then groups (or 1), then members (or 1). All members of a
             group share an array without a member axis; all members share one without both.
         axes: number of component axes, whose entries are equally far apart.
-        steps: ``(calls,)`` step of each call.
+        steps: index ``(calls,)`` on the step axis at each call.
     """
     step, *groups = array.strides[axes:]
     stride = array.strides[axes - 1] if axes else 0
@@ -53,7 +53,7 @@ def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
 
 
 def place_of_each(arrays: Sequence[npt.NDArray[Any]], axes: int, size: int) -> ArrayPlace:
-    """Return the place of like arrays, one for each call: components, then members in groups of ``size``."""
+    """Return the place in memory of like arrays, one per call: components, then members in groups of ``size``."""
     first = arrays[0]
     addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
     stride = first.strides[axes - 1] // first.itemsize if axes else 0
@@ -74,12 +74,12 @@ class CallSequence:
         self._kernels, self._groups, self._size, self._length = kernels, groups, size, length
         self._calls: list[tuple[Indices, int, list[ArrayPlace | None]]] = []
         self._rows = 1
-        """Number of rows of scratch memory, for outputs that nobody wants."""
+        """Number of rows of scratch memory, to which kernels write the outputs that are not wanted."""
 
     def compute(
         self, equations: Equations, at: Indices, inputs: Mapping[str, ArrayPlace], outputs: Mapping[str, ArrayPlace]
     ) -> bool:
-        """Add calls of the kernel of equations by ``call``; return whether there is a kernel."""
+        """Add calls of the kernel of equations to the sequence; return False if there is no kernel."""
         kernel = self._kernels.kernel(equations, [inputs[name].form._replace(name=name) for name in equations.ranks])
         if kernel is not None:
             self.call(kernel, at, inputs, outputs)
@@ -88,13 +88,13 @@ class CallSequence:
     def call(
         self, kernel: Kernel, at: Indices, inputs: Mapping[str, ArrayPlace], outputs: Mapping[str, ArrayPlace]
     ) -> None:
-        """Add calls of a kernel.
+        """Add calls of a kernel to the sequence.
 
         Args:
             kernel: kernel to call.
             at: ``(calls,)`` positions of the calls in the sequence.
-            inputs: place of each input of the kernel, by name.
-            outputs: place of each output that is wanted, by its name in the layout.
+            inputs: place in memory of each input of the kernel, by name.
+            outputs: place in memory of each wanted output, by its name in the layout.
         """
         unwanted = (item.size for item in kernel.layout.outputs if item.name not in outputs)
         self._rows = max([self._rows, *unwanted])
@@ -103,7 +103,7 @@ class CallSequence:
         self._calls.append((at, kernel.code.part, [*read, *written, None]))
 
     def run(self) -> bool:
-        """Make the calls; return whether the guards held for all members. If not, the outputs mean nothing."""
+        """Make all calls; return whether the guards held for all members. If not, the outputs mean nothing."""
         words = 1 + 2 * max(len(places) for _, _, places in self._calls)
         scratch = np.empty((self._rows, 1, 1, self._size))
         nowhere = place(scratch, 1, np.arange(1))
@@ -125,7 +125,7 @@ def _code(kernels: Kernels) -> MachineCode:
 
 
 def total_of_vectors(sums: Array) -> Array:
-    """Add up vectors of sums ``(..., WIDTH)``, always in the same order; return ``(...)``."""
+    """Add up the last axis of ``sums`` ``(..., WIDTH)``, always in the same order; return ``(...)``."""
     total: Array = sums[..., 0].copy()
     for i in range(1, WIDTH):
         total += sums[..., i]

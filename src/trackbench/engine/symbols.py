@@ -19,7 +19,7 @@ def _method(function: Any) -> Callable[..., Any]:
 
 
 class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
-    """Array of nodes that behaves like the NumPy array for which it stands."""
+    """Array of nodes that behaves like a NumPy array, so that equations called with it are traced."""
 
     __array_priority__ = 1000
     # A function with a cache may get a symbol as its key.
@@ -115,12 +115,12 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 def is_traced(values: Values) -> bool:
-    """Return whether values are symbols, so that a function is being traced."""
+    """Return whether the values are symbols, so that equations are being traced and not computed."""
     return any(isinstance(value, Symbol) for value in values.values())
 
 
 def _unwrap(graph: Graph, value: Any) -> Any:
-    """Replace each symbol in a value by its nodes."""
+    """Return a value with each symbol in it replaced by its nodes."""
     if isinstance(value, Symbol):
         if value.graph is not graph:
             graph.refuse("a value that was kept from another call")
@@ -133,5 +133,5 @@ def _unwrap(graph: Graph, value: Any) -> Any:
 
 
 def nodes_of_output(graph: Graph, value: Any) -> Nodes:
-    """Return an output of a traced function, which is a symbol or numbers, as nodes."""
+    """Return an output of a traced function, made of symbols or numbers, as nodes."""
     return nodes_of(graph, _unwrap(graph, value))

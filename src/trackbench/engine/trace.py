@@ -28,9 +28,9 @@ def _finite_conditions(
 
     Args:
         graph: graph that gets the conditions.
-        counted: mask without which an input or output means nothing, by the name of that input or output.
+        counted: name of the mask outside which an input or output means nothing, by the name of that input or output.
         outputs: components of each output by name.
-        dropped: nodes that were left out.
+        dropped: nodes that were left out of products with zero.
     """
     sums: dict[frozenset[str], dict[int, Node]] = {}
     for name, nodes in outputs.items():
@@ -56,7 +56,7 @@ def _finite(graph: Graph, masks: Iterable[str], nodes: Iterable[Node]) -> Node:
 
 
 def _nodes_carried_by(nodes: Iterable[Node]) -> set[int]:
-    """Return the numbers of all nodes whose infinity or NaN would show in one of some nodes."""
+    """Return the numbers of all nodes in whose place an infinity or NaN would show in one of ``nodes``."""
     waiting, carried = list(nodes), set[int]()
     while waiting:
         node = waiting.pop()
@@ -70,7 +70,7 @@ def _nodes_carried_by(nodes: Iterable[Node]) -> set[int]:
 def _masks_needed_by(
     counted: Mapping[str, str], outputs: Mapping[str, Sequence[Node]], nodes: Sequence[Node]
 ) -> dict[int, frozenset[str]]:
-    """Return the masks without which a node, or a value that it is made of, means nothing, by its number."""
+    """Return by node number the names of the masks outside which a node, or a value in it, means nothing."""
     of_outputs = {
         node.number: counted[name] for name, of in outputs.items() if name in counted for node in of if node.arguments
     }
@@ -86,17 +86,17 @@ def _masks_needed_by(
 
 
 class Trace(NamedTuple):
-    """Graph of equations for one member of a batch."""
+    """Result of a trace: the outputs of equations for one member of a batch as nodes of a graph, with a guard."""
 
     layout: KernelLayout
     outputs: list[Node]
-    """Component nodes of the outputs, in the order of the layout."""
+    """Nodes of the outputs' components, in the order of the layout."""
     guard: Node
-    """Condition under which the outputs are right for a member."""
+    """Condition on a member of the batch under which the outputs are right for it."""
 
 
 def trace(equations: Equations, inputs: Sequence[Input]) -> Trace:
-    """Call the function of equations with symbols, as for a batch of one member.
+    """Trace equations: call their function once with symbols, as for a batch of one member.
 
     Raises:
         Untraceable: the function does something that cannot be traced.
@@ -145,7 +145,6 @@ def _without_batch_axes(graph: Graph, name: str, nodes: Nodes, axes: int) -> Nod
 
 
 def _finish(graph: Graph, equations: Equations, inputs: Sequence[Input], result: dict[str, Nodes]) -> Trace:
-    """Lower the graph to arithmetic, and add the conditions under which it is right."""
     nodes: list[Node] = [node for array in result.values() for node in array.flat]
     dropped = list(graph.dropped.values())
     graph.dropped = {}

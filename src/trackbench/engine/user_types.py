@@ -16,17 +16,17 @@ ROUNDING = 1e-14
 
 
 def is_user_type(kind: type) -> bool:
-    """Return whether a class comes from outside trackbench."""
+    """Return whether a class is defined outside trackbench."""
     return not kind.__module__.startswith("trackbench.")
 
 
 def says_pure(kind: type) -> bool:
-    """Return whether a class itself, not one of its base classes, says ``pure = True``."""
+    """Return whether a class declares ``pure = True`` itself, not by one of its base classes."""
     return bool(vars(kind).get("pure", False))
 
 
 def user_types(motions: Iterable[MotionModel]) -> tuple[type, ...]:
-    """Return the users' classes among motion models and the motion models inside these."""
+    """Return the classes from outside trackbench among motion models and the motion models that these contain."""
     kinds: dict[type, None] = {}
     for motion in motions:
         kinds |= dict.fromkeys([type(motion)] if is_user_type(type(motion)) else [])
@@ -35,7 +35,7 @@ def user_types(motions: Iterable[MotionModel]) -> tuple[type, ...]:
 
 
 def agree(outputs: Mapping[str, Array], expected: Mapping[str, Array]) -> bool:
-    """Return whether the outputs of a kernel equal NumPy's, to rounding.
+    """Return whether the outputs of a kernel equal NumPy's to rounding.
 
     Args:
         outputs: outputs of the kernel.

@@ -31,10 +31,10 @@ Place = tuple[str, str]
 
 
 def kernel_text(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: Node) -> str:
-    """Return the text of two functions, ``name`` and ``name.part``.
+    """Return LLVM's text of a kernel's two functions, ``name`` and ``name.part``.
 
-    ``name.part`` computes the members from a first to before an end, at least ``WIDTH`` of them. The last vector may
-    overlap the vector before it, so outputs must not share memory with inputs. Arguments are the two numbers, and a
+    ``name.part`` computes the members from a first index up to an end, at least ``WIDTH`` of them. The last vector may
+    overlap the vector before it, so outputs must not share memory with inputs. Arguments are these two indices, and a
     list with address and row distance of each input, of each output and of the guard's mask. It returns 1 if the guard
     held for all members. An output in mode ``added`` is added to the numbers in place, an output in mode ``summed`` to
     a vector of sums.
@@ -100,7 +100,7 @@ done:
 
 
 def _group_text(name: str, layout: KernelLayout) -> str:
-    """Return the text of the function of whole groups, which calls ``name.part`` for each group."""
+    """Return LLVM's text of the function ``name``, which calls ``name.part`` for each group of members."""
     text = Text(1, "t", {}, "0")
     sizes = {ALL: ("1", "0"), GROUP: ("%groups", "%g"), MEMBER: ("%members", "%begin")}
     arrays = [f"%a{number}" for number in range(len(layout.inputs) + 2)]
@@ -142,7 +142,7 @@ done:
 def before_members(
     texts: Mapping[int, Text], steps: Sequence[Node], outputs: Iterable[Node], bases: Mapping[str, Place]
 ) -> None:
-    """Write the operations that members share, and copy results that members or outputs need into vectors."""
+    """Write the operations that members share, and copy those results that are needed per member into vectors."""
     for node in steps:
         if node.level != MEMBER and not node.constant:
             texts[node.level].operation(node, bases)
@@ -157,7 +157,7 @@ def before_members(
 class Text:
     """Instructions on numbers (width 1) or vectors, one for each node, whose names begin with ``prefix``.
 
-    ``values`` are the registers of nodes by number; ``at`` is the register with the place in a row.
+    ``values`` are the registers of nodes by number; ``at`` is the register with the index of the member.
     """
 
     def __init__(self, width: int, prefix: str, values: dict[int, str], at: str) -> None:
@@ -179,37 +179,37 @@ class Text:
         return name
 
     def constant(self, value: object) -> str:
-        """Return a constant for every member."""
+        """Return LLVM's text of a constant, repeated for every member of a vector."""
         if isinstance(value, bool):
             return _constants("true" if value else "false", "i1", self.width)
         assert isinstance(value, float)
         return _constants(f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}", "double", self.width)
 
     def value(self, node: Node) -> str:
-        """Return the register or the constant of a node."""
+        """Return the register or the constant that holds a node's value."""
         return self.constant(node.value) if node.constant else self._values[node.number]
 
     def data_of(self, array: str) -> str:
-        """Load the address of an array's data."""
+        """Write the load of the address of an array's data; return its register."""
         return self._new(f"load ptr, ptr {self._new(f'getelementptr i8, ptr {array}, i64 {HEAD}')}, align 8")
 
     def listed(self, number: int) -> Place:
-        """Load the place at a number of the list of places."""
+        """Write the load of an array's address and row distance at an index of ``%list``; return their registers."""
         base, stride = self.entry("%list", 2 * number), self.entry("%list", 2 * number + 1)
         return self._new(f"load ptr, ptr {base}, align 8"), self._new(f"load i64, ptr {stride}, align 8")
 
     def entry(self, array: str, number: int) -> str:
-        """Return the address of an entry of an array of 64-bit integers."""
+        """Write the address of one entry of an array of 64-bit integers; return its register."""
         return self._new(f"getelementptr i64, ptr {array}, i64 {number}")
 
     def place(self, where: Place, row: int, kind: str, at: str | None = None) -> str:
-        """Return the address of the number, or of the vector, of a row."""
+        """Write the address of a number or vector in a row of an array; return its register."""
         base, stride = where
         offset = self._new(f"add i64 {self._new(f'mul i64 {stride}, {row}')}, {at or self._at}")
         return self._new(f"getelementptr {kind}, ptr {base}, i64 {offset}")
 
     def spread(self, node: Node, number: str) -> list[str]:
-        """Return the instructions that copy a number into a vector."""
+        """Return the instructions that copy a number into all entries of a vector."""
         kind = "i1" if node.boolean else "double"
         vector, lines = self._type(kind), self.lines
         self.lines = []
@@ -221,7 +221,7 @@ class Text:
         return made
 
     def put(self, node: Node, mode: str, where: Place, row: int) -> None:
-        """Write a node to a row of an output, or add it there; members of an overlapping vector add nothing."""
+        """Write a node's value to a row of an output, or add it as ``mode`` says; no member is added twice."""
         value, number = self.value(node), self._type("double")
         if node.boolean:
             self.store_mask(value, where, row)
@@ -234,13 +234,13 @@ class Text:
         self.lines.append(f"  store {number} {value}, ptr {place}, align 8")
 
     def store_mask(self, value: str, where: Place, row: int) -> None:
-        """Write truth values as bytes."""
+        """Write the instructions that store truth values as bytes in a row of an array."""
         place = self.place(where, row, "i8")
         wide = self._new(f"zext {self._type('i1')} {value} to {self._type('i8')}")
         self.lines.append(f"  store {self._type('i8')} {wide}, ptr {place}, align 1")
 
     def operation(self, node: Node, bases: Mapping[str, Place]) -> None:
-        """Write the instructions of a node; ``bases`` are the places of the inputs."""
+        """Write the instructions of a node; ``bases`` are the places of the inputs in memory, by name."""
         where = ""
         if isinstance(node.value, tuple):
             name, component = node.value
@@ -276,7 +276,7 @@ class Text:
         return self._bit_operation(op, values[0])
 
     def _extreme(self, op: str, arguments: Sequence[Node], values: Sequence[str]) -> str:
-        """Return the smaller or larger of two numbers, NaN where one is, as in NumPy."""
+        """Return the register of the smaller or larger of two numbers; NaN if one of them is NaN, as in NumPy."""
         number, truth, less = self._type("double"), self._type("i1"), "lt" if op == "min" else "gt"
         if arguments[1].constant:
             first = self._new(f"fcmp u{less} {number} {values[0]}, {values[1]}")

@@ -19,29 +19,29 @@ from trackbench.models.sensors import SENSOR_MODELS
 
 
 class Belief(NamedTuple):
-    """Distribution of the state in a filter, with values that the next step can reuse."""
+    """Mean and covariance of the state in a filter, with values that the next step can reuse."""
 
     mean: Array
-    """``(n, ...)``"""
+    """Mean ``(n, ...)`` of the state."""
     covariance: Array
-    """``(n, n, ...)``"""
+    """Covariance ``(n, n, ...)`` of the state."""
     factor: Array | None = None
-    """``(n, n, ...)`` lower Cholesky factor of the covariance."""
+    """Lower Cholesky factor ``(n, n, ...)`` of the covariance; None where it was not computed."""
     points: Array | None = None
-    """``(n, s, ...)`` sigma points after a prediction."""
+    """Sigma points ``(n, s, ...)`` of the predicted state; None for filters that use none."""
     repaired: Mask | None = None
-    """``(...)`` True where the covariance was not positive definite and was repaired."""
+    """Mask ``(...)``, True where the covariance was not positive definite and was repaired; None for nowhere."""
 
 
 class MultiModelBelief(NamedTuple):
     """Distribution of the state in a filter with several motion models: a mixture of one belief per model."""
 
     probability: Array
-    """``(M, ...)`` probability of each model."""
+    """Probability ``(M, ...)`` of each of the M motion models."""
     modes: tuple[Belief, ...]
-    """``(M,)`` belief under each model, in the state of that model."""
+    """Belief under each of the M motion models, in the state of that model."""
     repaired: Mask | None = None
-    """``(...)`` True where the covariance of a mode was not positive definite and was repaired."""
+    """Mask ``(...)``, True where a mode's covariance was not positive definite and was repaired; None for nowhere."""
 
 
 #: Belief of any filter in a tracker.
@@ -50,23 +50,23 @@ B = TypeVar("B", bound=AnyBelief)
 
 
 class Update(NamedTuple, Generic[B]):
-    """Belief after a measurement, with the innovation."""
+    """Belief after the update with a measurement, with the innovation."""
 
     belief: B
     innovation: Array
-    """``(m, ...)`` measurement minus its prediction."""
+    """Innovation ``(m, ...)``: measurement minus its prediction."""
     innovation_covariance: Array
-    """``(m, m, ...)``"""
+    """Covariance ``(m, m, ...)`` of the innovation."""
     whitened_innovation: Array
-    """``(m, ...)`` innovation with unit covariance: ``L^-1 y`` with ``S = L L^T``."""
+    """Whitened innovation ``(m, ...)``, with unit covariance: ``L^-1 y`` where the innovation ``y`` has ``L L^T``."""
     innovation_factor: linalg.Cholesky | None = None
-    """Cholesky factor ``L``; None where it was not computed."""
+    """Cholesky factor of the innovation's covariance; None where it was not computed."""
     mixture: Array | None = None
-    """``(...)`` logarithm of the measurement's density, where that density is a mixture."""
+    """Logarithm ``(...)`` of the measurement's density, if that density is a mixture of Gaussians; else None."""
 
     @property
     def log_likelihood(self) -> Array:
-        """``(...)`` logarithm of the measurement's density: ``N(y; 0, S)``, or the mixture."""
+        """Logarithm ``(...)`` of the measurement's density: the Gaussian of the innovation, or the mixture."""
         if self.mixture is not None:
             return self.mixture
         factor = self.innovation_factor or linalg.cholesky(self.innovation_covariance)
@@ -74,13 +74,13 @@ class Update(NamedTuple, Generic[B]):
 
 
 class Step(NamedTuple, Generic[B]):
-    """Result of one prediction and update with a scan."""
+    """Belief after one prediction and one update with a scan."""
 
     update: Update[B]
     cartesian: Gaussian
-    """px, py, vx, vy after the update."""
+    """Mean and covariance of px, py, vx, vy after the update."""
     refused: Mask | None = None
-    """``(...)`` True where the guard refused the prediction, so that the step must not be used."""
+    """Mask ``(...)``, True where the guard refused the prediction and the step must not be used; None for nowhere."""
 
 
 #: Function from a predicted belief to a mask that is True where the step is refused.
@@ -88,25 +88,25 @@ StepGuard = Callable[[Any], Mask]
 
 
 class Measured(NamedTuple):
-    """Measurements of a scan as a filter compares them with its predictions."""
+    """Measurements of a scan in the space in which a filter compares them with its predictions."""
 
     value: Array
-    """``(m, ...)``"""
+    """Measured values ``(m, ...)``."""
     noise: Array
-    """``(m, m)``, or ``(m, m, ...)`` where it depends on the measurement."""
+    """Covariance ``(m, m)`` of the measurement noise, or ``(m, m, ...)`` where it depends on the measurement."""
     angular: tuple[int, ...]
-    """Indices of the components that are angles."""
+    """Indices of the measurement's components that are angles."""
 
 
 class PredictedMeasurement(NamedTuple):
-    """Predicted distribution of a measurement."""
+    """Mean and covariance of a predicted measurement, and its covariance with the state."""
 
     mean: Array
-    """``(m, ...)``"""
+    """Mean ``(m, ...)`` of the predicted measurement."""
     covariance: Array
-    """``(m, m, ...)`` without the measurement noise."""
+    """Covariance ``(m, m, ...)`` of the predicted measurement, without the measurement noise."""
     cross: Array
-    """``(m, n, ...)`` covariance of measurement and state; ``n`` is 0 for a mixture."""
+    """Covariance ``(m, n, ...)`` of predicted measurement and state; ``n`` is 0 for a mixture of motion models."""
     modes: tuple[PredictedMeasurement, ...] = ()
     """Prediction under each motion model of a mixture; empty for a single model."""
 
@@ -116,27 +116,27 @@ class Filter(Protocol[B]):
 
     @property
     def motions(self) -> tuple[MotionModel, ...]:
-        """Motion models of the filter."""
+        """Motion models of the filter; one, or several for an IMM filter."""
         ...
 
     def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> B:
-        """Return the first belief of a track; ``state_of`` returns the start in the state of a motion model."""
+        """Return the first belief of a track; ``state_of`` returns the first state for a given motion model."""
         ...
 
     def predict(self, belief: B, dt: float) -> B:
-        """Return the belief after ``dt`` seconds (zero or more)."""
+        """Return the belief predicted ``dt`` seconds ahead (zero or more)."""
         ...
 
     def measured(self, scan: Scan) -> Measured:
-        """Return the measurements of a scan in the space in which the filter compares them with predictions."""
+        """Return the measurements of a scan in the space in which the filter compares them with its predictions."""
         ...
 
     def predict_measurement(self, belief: B, scan: Scan) -> PredictedMeasurement:
-        """Return the predicted measurement for a scan, without a look at the scan's measurements."""
+        """Return the prediction of a scan's measurement, made without the scan's measured values."""
         ...
 
     def update(self, belief: B, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[B]:
-        """Return the belief after a scan; where the scan is not valid, mean and covariance stay.
+        """Return the belief updated with a scan; where the scan is not valid, mean and covariance stay.
 
         ``predicted`` is the result of ``predict_measurement`` for this belief, if there is one; it saves computing it
         anew.
@@ -148,7 +148,7 @@ class Filter(Protocol[B]):
         ...
 
     def cartesian(self, belief: B) -> Gaussian:
-        """Return the distribution of px, py, vx, vy under the belief."""
+        """Return mean and covariance of px, py, vx, vy under the belief."""
         ...
 
 
@@ -166,7 +166,7 @@ class SingleModelFilter(Filter[Belief], ABC):
         return Belief(*state_of(self.motion))
 
     def measured(self, scan: Scan) -> Measured:
-        """Return the measurements as the sensor gives them, with the noise that is not part of the state."""
+        """Return the measurements as the sensor gives them, with the noise that is not part of the filter's state."""
         errors = self.motion.sensor_errors(scan)
         noise = scan.noise_covariance if errors is None else errors.noise
         return Measured(scan.measurement, noise, SENSOR_MODELS[scan.kind].angular)
@@ -174,9 +174,9 @@ class SingleModelFilter(Filter[Belief], ABC):
     def smooth(self, belief: Belief, later: Belief, dt: float) -> Belief:
         """Return the smoothed belief by Rauch, Tung and Striebel.
 
-        With ``D`` the covariance of the states before and after the interval, the prediction ``x^-, P^-`` and the gain
-        ``G = D P^-^-1``: ``x <- x + G (x^s - x^-)`` and ``P <- P + G (P^s - P^-) G^T``. Source: Särkkä (2013), theorem
-        8.2 for the Kalman filter, algorithm 9.1 for linearised filters and 10.2 for sigma points.
+        With ``D`` the covariance of the states at the start and the end of ``dt``, the prediction ``x^-, P^-`` and the
+        gain ``G = D P^-^-1``: ``x <- x + G (x^s - x^-)`` and ``P <- P + G (P^s - P^-) G^T``. Source: Särkkä (2013),
+        theorem 8.2 for the Kalman filter, algorithm 9.1 for linearised filters and 10.2 for sigma points.
         """
         angular, predicted = self.motion.angular, self.predict(belief, dt)
         definite = linalg.ensure_definite(predicted.covariance)
@@ -196,7 +196,7 @@ class SingleModelFilter(Filter[Belief], ABC):
 
     @abstractmethod
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        """Return the covariance ``(n, n, ...)`` of the states before (rows) and after (columns) ``dt`` seconds."""
+        """Return the covariance ``(n, n, ...)`` between the states now (rows) and ``dt`` seconds later (columns)."""
 
 
 #: Function from the transposed gain ``K^T`` ``(m, n, ...)`` to the updated covariance ``(n, n, ...)``.
@@ -220,12 +220,12 @@ def correct(
 
     Args:
         belief: predicted mean ``(n, ...)`` and covariance ``(n, n, ...)``.
-        innovation: ``(m, ...)``.
-        innovation_covariance: ``S``, ``(m, m, ...)``.
+        innovation: ``(m, ...)`` measurement minus its prediction.
+        innovation_covariance: covariance ``S`` of the innovation, ``(m, m, ...)``.
         cross: covariance of measurement and state ``C``, ``(m, n, ...)``.
-        valid: ``(...)`` where there is a measurement.
+        valid: mask ``(...)``, True where there is a measurement.
         angular: indices of the state's components that are angles.
-        remainder: function from ``K^T`` to the updated covariance; None for the subtraction.
+        remainder: function from ``K^T`` to the updated covariance; None to subtract ``W^T W``.
     """
     s = linalg.ensure_definite(innovation_covariance)
     whitened = s.factor.whiten(innovation)
@@ -250,7 +250,7 @@ def linear_update(
     angular: tuple[int, ...],
     remainder: Remainder | None = None,
 ) -> Update[Belief]:
-    """Update a belief with a measurement and its prediction, by ``correct``."""
+    """Update a belief with a measurement and its prediction, by the linear minimum mean square error."""
     innovation = difference(measured.value, predicted.mean, measured.angular)
     s = predicted.covariance + linalg.expand(measured.noise, predicted.covariance)
     return correct(belief, innovation, s, predicted.cross, valid, angular, remainder)
@@ -261,14 +261,14 @@ def square_root(
 ) -> Remainder:
     """Return a function that updates a covariance by its square root: ``(D - K Z) (D - K Z)^T + K R K^T``.
 
-    Joseph's form, where ``D - K Z`` is ``(I - K H) L`` for a linear measurement. As a sum of squares it stays definite
-    under rounding, however accurate the measurement is. Source: Bucy and Joseph (1968), "Filtering for stochastic
-    processes with applications to guidance", section 16.2, with the covariance factored.
+    This is Joseph's form, where ``D - K Z`` is ``(I - K H) L`` for a linear measurement. As a sum of squares it stays
+    definite under rounding, however accurate the measurement is. Source: Bucy and Joseph (1968), "Filtering for
+    stochastic processes with applications to guidance", section 16.2, with the covariance factored.
 
     Args:
-        deviations: ``D``, ``(n, s, ...)`` of the state, with the covariance ``D D^T``.
-        seen: ``Z``, ``(m, s, ...)`` of the measurement.
-        noise: ``R``, ``(m, m)`` or ``(m, m, ...)``.
+        deviations: ``D``, ``(n, s, ...)`` deviations of the state, with the covariance ``D D^T``.
+        seen: ``Z``, ``(m, s, ...)`` matching deviations of the measurement.
+        noise: ``R``, covariance of the measurement noise, ``(m, m)`` or ``(m, m, ...)``.
         weighted: function for ``D D^T`` where deviations have weights.
     """
 
@@ -282,7 +282,6 @@ def square_root(
 
 
 def _root(noise: Array) -> Array:
-    """Return ``A`` with ``A^T A = R``, even for a noise that is singular to rounding."""
     if isinstance(noise, np.ndarray) and noise.ndim == 2:
         return _cached_root(noise.astype(float).tobytes(), len(noise))
     return np.swapaxes(linalg.ensure_definite(linalg.rounded_up(noise)).factor.lower(), 0, 1)
@@ -300,7 +299,7 @@ def wrap_components(x: Array, angular: tuple[int, ...]) -> Array:
 
 
 def with_factor(belief: Belief) -> Belief:
-    """Return the belief with its Cholesky factor; a covariance that has none is repaired and marked."""
+    """Return the belief with its Cholesky factor; a covariance that has no factor is repaired and marked."""
     definite = linalg.ensure_definite(belief.covariance)
     return belief._replace(
         covariance=definite.covariance,
@@ -310,14 +309,13 @@ def with_factor(belief: Belief) -> Belief:
 
 
 def either(a: Mask | None, b: Mask | None) -> Mask | None:
-    """Return where at least one of two marks is set; None stands for no marks."""
+    """Return a mask that is True where at least one of two masks is; None stands for False everywhere."""
     if a is None or b is None:
         return b if a is None else a
     return a | b
 
 
 def _map_arrays(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
-    """Apply a function to the means, covariances and mode probabilities of beliefs of one filter."""
     if isinstance(beliefs[0], Belief):
         return Belief(function(*map(_MEAN, beliefs)), function(*map(_COVARIANCE, beliefs)))
     modes = [_map_arrays(function, *each) for each in zip(*map(_MODES, beliefs), strict=True)]
@@ -329,33 +327,33 @@ _MEAN, _COVARIANCE, _MODES, _PROBABILITY = map(attrgetter, ("mean", "covariance"
 
 
 def compact(belief: AnyBelief) -> AnyBelief:
-    """Return the belief without values that follow from its means and covariances."""
+    """Return the belief without its Cholesky factors and sigma points, which follow from means and covariances."""
     if isinstance(belief, Belief):
         return Belief(*belief[:2])
     return MultiModelBelief(belief.probability, tuple(Belief(*mode[:2]) for mode in belief.modes))
 
 
 def select(belief: AnyBelief, which: Mask | Indices) -> AnyBelief:
-    """Return some members of the last batch axis."""
+    """Return the belief of the members that ``which`` selects from the last batch axis."""
     index = indices(which) if which.dtype == bool else which
     # An index in brackets is slower, and leaves an array whose batch axis no longer comes last in memory.
     return _map_arrays(methodcaller("take", index, -1), belief)
 
 
 def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> PredictedMeasurement:
-    """Return some members of the last batch axis of a predicted measurement."""
+    """Return the predicted measurement of the members that ``which`` selects from the last batch axis."""
     modes = tuple(selected_prediction(mode, which) for mode in predicted.modes)
     mean, covariance, cross = (part.take(which, axis=-1) for part in predicted[:3])
     return PredictedMeasurement(mean, covariance, cross, modes)
 
 
 def concatenated(first: AnyBelief, second: AnyBelief) -> AnyBelief:
-    """Join two beliefs along the last batch axis."""
+    """Join two beliefs of one filter along the last batch axis."""
     return _map_arrays(lambda *parts: np.concatenate(parts, axis=-1), first, second)
 
 
 def with_members(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBelief:
-    """Return the belief with some members of the last batch axis replaced by ``members``."""
+    """Return the belief with the members at the indices ``where`` of the last batch axis replaced by ``members``."""
 
     def put(values: Array, new_values: Array) -> Array:
         result = values.copy()
@@ -366,9 +364,9 @@ def with_members(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBe
 
 
 def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:
-    """Take ``a`` where the mask holds and ``b`` elsewhere, for beliefs of one filter.
+    """Return a belief with ``a`` where the mask is True and ``b`` elsewhere; both are of one filter.
 
-    Where ``b`` has no sigma points, it is a placeholder, and the points of ``a`` are taken everywhere.
+    Where ``b`` has no sigma points, the points of ``a`` are taken everywhere, as ``b`` is then a placeholder.
     """
     if isinstance(a, Belief):
         assert isinstance(b, Belief)

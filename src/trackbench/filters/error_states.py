@@ -17,25 +17,25 @@ from trackbench.models.sensors import SENSOR_MODELS
 
 @dataclass(frozen=True)
 class ErrorState:
-    """Error of one component of a sensor's measurements, in units of its standard deviation.
+    """Error of one component of a sensor's measurements, as part of a filter's state.
 
-    A stationary Gauss-Markov process, or a constant.
+    The state counts it in units of its standard deviation. It is a stationary Gauss-Markov process, or a constant.
     """
 
     sensor: str
-    """Name of the sensor."""
+    """Name of the sensor whose measurements have the error."""
     component: str
-    """Component of the sensor's measurement."""
+    """Measurement component with the error, such as "azimuth"."""
     rate: float
     """Inverse of the time constant, 1/s; 0 for a constant error."""
     share: float = 0.0
-    """Share of the error in the variance that the sensor states."""
+    """Share of the stated measurement variance that is due to this error."""
     sigma: float = 0.0
-    """Standard deviation in addition to the stated variance, in SI units and radians."""
+    """Standard deviation of the error on top of the stated variance, in SI units and radians."""
 
 
 class MotionWithErrors(WrappedMotion):
-    """Motion model whose state ends with sensor errors: ``z = h(x) + E e + w`` with white ``w``.
+    """Motion model whose state ends with the errors e of sensors: measurement ``z = h(x) + E e + w`` with white ``w``.
 
     Each error has ``e_k+1 = a e_k + sqrt(1 - a^2) v_k`` with ``a = exp(-dt rate)`` and white ``v`` of unit variance.
     Source: Bar-Shalom, Li and Kirubarajan (2001), section 8.2 for noise that is autocorrelated, by augmentation of the
@@ -97,7 +97,7 @@ class MotionWithErrors(WrappedMotion):
         return SensorErrors(linalg.matrix(rows), linalg.expand(root[:, None] * root, noise) * noise)
 
     def padded(self, belief: Gaussian, cross: Array | None = None) -> Gaussian:
-        """Append unknown errors to a belief in the state of the inner motion model.
+        """Append sensor errors of unit variance to a belief in the state of the inner motion model.
 
         Args:
             belief: ``(n, ...)``.
@@ -113,10 +113,10 @@ class MotionWithErrors(WrappedMotion):
         return Gaussian(mean, linalg.rounded_up(np.concatenate([upper, lower])))
 
     def started(self, scan: Scan, state_of: Callable[[MotionModel, Scan], Gaussian]) -> Gaussian:
-        """Return the state ``(n + e, ...)`` that each measurement of a scan states by itself.
+        """Return the state ``(n + e, ...)``, with sensor errors, that each single measurement of a scan implies.
 
-        Such a state contains the measurement's error. With the slope D of the inner state by the measurement, the
-        covariance of state and errors is ``-D E``. The slope is taken over a standard deviation to either side.
+        The inner state contains the measurement's error. With its derivative D with respect to the measurement, the
+        covariance of state and errors is ``-D E``. D is a difference quotient over a standard deviation to either side.
 
         Args:
             scan: scan with the noise that the sensor states.
@@ -144,7 +144,6 @@ class MotionWithErrors(WrappedMotion):
 
 
 def _block_diagonal(first: Array, pattern: Array, scales: Sequence[Any]) -> Array:
-    """Join ``first`` ``(n, q, ...)`` and a pattern ``(e, v)`` with scaled rows into ``(n + e, q + v, ...)``."""
     upper = [[*row, *[0.0] * pattern.shape[1]] for row in first]
     lower = [
         [*[0.0] * first.shape[1], *(scale * entry if entry else 0.0 for entry in row)]

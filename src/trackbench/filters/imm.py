@@ -33,13 +33,13 @@ ALONG_PATH = ("v", "a")
 
 
 def moment_matched(weights: Array | Sequence[Array], parts: Sequence[Gaussian], angular: tuple[int, ...]) -> Gaussian:
-    """Return mean and covariance of a mixture of Gaussians, merged one by one, which equals all at once.
+    """Return mean and covariance of a mixture of Gaussians, computed by merging its components one by one.
 
     Source: Bar-Shalom, Li and Kirubarajan (2001), section 1.4.16.
 
     Args:
-        weights: weight of each part, ``(...)``; the sum is one, and the first weight is positive.
-        parts: Gaussians, each with mean ``(n, ...)``.
+        weights: probability ``(...)`` of each component of the mixture; the first is positive, and their sum is one.
+        parts: components of the mixture, each with mean ``(n, ...)``.
         angular: indices of the components that are angles.
     """
     (mean, covariance), total = parts[0], weights[0]
@@ -89,7 +89,7 @@ def in_state_of(motion: MotionModel, current: Gaussian, source_motion: MotionMod
 
 
 def _fill_unknown_yaw(current: Gaussian, names: tuple[str, ...], source: Gaussian, cartesian: Gaussian) -> Gaussian:
-    """Take the current yaw, and the speed along it, where the velocity of ``source`` has no information on the yaw."""
+    """Replace yaw, and speed along it, by ``current`` where the velocity of ``source`` does not determine the yaw."""
     places = [names.index(name) for name in ("px", "py", "v")]
     yaw = names.index("yaw")
     unknown = source.covariance[yaw, yaw] > 0.999 * UNKNOWN_ANGLE**2
@@ -106,7 +106,7 @@ def _fill_unknown_yaw(current: Gaussian, names: tuple[str, ...], source: Gaussia
 
 
 def _face(yaw: Array, names: tuple[str, ...], belief: Gaussian) -> Gaussian:
-    """Turn the yaw to within 90 degrees of ``yaw``; the opposite yaw with the opposite speed is the same motion."""
+    """Turn the yaw to within 90 degrees of ``yaw``; an opposite yaw with an opposite speed is the same motion."""
     i = names.index("yaw")
     opposite = np.abs(wrap_angle(belief.mean[i] - yaw)) > np.pi / 2
     if not np.any(opposite):
@@ -124,27 +124,27 @@ ROUNDING = 1e-9
 
 
 class LaterLikelihood(NamedTuple):
-    """Likelihood of a state under later measurements: the ratio of two Gaussians, after and before these.
+    """Likelihood of a state under later measurements: the ratio of its smoothed and its predicted Gaussian.
 
-    In coordinates ``u`` with ``x = mean + L u``, in which the Gaussian before is standard normal, the likelihood is
+    In coordinates ``u`` with ``x = mean + L u`` the predicted Gaussian is standard normal, and the likelihood is
     proportional to ``exp(-u^T J u / 2 + h^T u)``.
     """
 
     mean: Array
-    """``(n, ...)``"""
+    """Mean ``(n, ...)`` of the predicted Gaussian."""
     factor: linalg.Cholesky
-    """``L``"""
+    """Cholesky factor ``L`` of the predicted covariance."""
     information: Array
-    """``J``, ``(n, n, ...)``"""
+    """Matrix ``J``, ``(n, n, ...)``, of the quadratic term."""
     gradient: Array
-    """``h``, ``(n, ...)``"""
+    """Vector ``h``, ``(n, ...)``, of the linear term."""
     angular: tuple[int, ...]
-    """Indices of the components that are angles."""
+    """Indices of the state's components that are angles."""
 
     def condition(self, part: Gaussian) -> tuple[Gaussian, Array, Mask | None]:
-        """Condition a Gaussian on the later measurements; return also its log-likelihood and a mask of repairs.
+        """Condition a Gaussian on the later measurements; return it with its log-likelihood and a mask of repairs.
 
-        The log-likelihoods of several parts have a common offset.
+        The mask is None if no covariance was repaired. The log-likelihoods of several Gaussians have a common offset.
         """
         whiten = self.factor.whiten
         away = whiten(difference(part.mean, self.mean, self.angular))
@@ -166,7 +166,7 @@ class LaterLikelihood(NamedTuple):
 
 
 def _later_likelihood(before: Gaussian, after: Gaussian, angular: tuple[int, ...]) -> LaterLikelihood:
-    """Return the likelihood that leads from ``before`` to ``after``, a smoothed belief.
+    """Return the likelihood that turns the predicted ``before`` into the smoothed ``after``.
 
     Where ``before`` stands for a mixture, ``after`` may be wider in some direction; the likelihood is constant along
     it.
@@ -197,9 +197,9 @@ LEAST_PROBABILITY = 1e-300
 def transition_probabilities(stay_s: tuple[float, ...], dt: float) -> Array:
     """Return ``(M, M)`` probabilities that the mode is j (column) ``dt`` seconds after it was i (row).
 
-    A Markov chain in continuous time: the motion stays with mode i for an exponentially distributed time of mean
-    ``stay_s[i]``, and then changes to one of the other modes with equal probability. So the chain does not depend on
-    the rate of scans.
+    The modes are a Markov chain in continuous time: the motion stays with mode i for an exponentially distributed time
+    of mean ``stay_s[i]``, and then changes to one of the other modes with equal probability. So the chain does not
+    depend on the rate of scans.
     """
     size, stay = len(stay_s), np.sqrt(stay_s)
     if dt == 0.0:
@@ -220,7 +220,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
 
     filters: tuple[SingleModelFilter, ...]
     stay_s: tuple[float, ...]
-    """Mean time for which the motion stays with each mode, s; each may be ``(batch,)``."""
+    """Mean time for which the motion stays with each mode, s; each is a number, or ``(batch,)`` for the members."""
     initial_probabilities: tuple[float, ...]
 
     @property
@@ -234,12 +234,12 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return MultiModelBelief(np.broadcast_to(probability, (len(modes), *batch)), modes)
 
     def predict(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
-        """Mix the modes by the Markov chain, and predict each mode."""
+        """Predict the belief ``dt`` seconds ahead: mix the modes by the Markov chain, then predict each mode."""
         # With no time passed, mixing would change nothing and cost more than the prediction.
         return self.predict_by(belief, dt, self.chain(dt)) if dt > 0.0 else self._predict_modes(belief, dt)
 
     def predict_by(self, belief: MultiModelBelief, dt: float, chain: Array) -> MultiModelBelief:
-        """Mix the modes by the ``chain`` of ``dt``, and predict each mode."""
+        """Predict the belief like ``predict``, with the transition probabilities ``chain`` over ``dt`` given."""
         return self._predict_modes(self._mix_modes(belief, chain), dt)
 
     def _predict_modes(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
@@ -250,7 +250,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return self.filters[0].measured(scan)
 
     def predict_measurement(self, belief: MultiModelBelief, scan: Scan) -> PredictedMeasurement:
-        """Return the predicted measurement of the mixture and of each mode."""
+        """Return the predicted measurement of the mixture of the modes, and of each mode."""
         pairs = zip(self.filters, belief.modes, strict=True)
         modes = tuple(filter.predict_measurement(mode, scan) for filter, mode in pairs)
         parts = [Gaussian(mode.mean, mode.covariance) for mode in modes]
@@ -284,10 +284,10 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
     def smooth(self, belief: MultiModelBelief, later: MultiModelBelief, dt: float) -> MultiModelBelief:
         """Return the smoothed belief, given the smoothed belief ``dt`` seconds later.
 
-        Each mode after the interval was predicted from a mixture. The mode's filter smooths this mixture; the ratio of
-        the Gaussians after and before is the likelihood of the later measurements, on which each part is conditioned.
-        Source: a backward recursion on the output of an IMM filter, with one smoother for each mode, like Lopez and
-        Danès (2017), "Low-complexity IMM smoothing for jump Markov nonlinear systems".
+        Each mode at the later time was predicted from a mixture, which the mode's filter smooths. The ratio of the
+        smoothed and the unsmoothed Gaussian is the likelihood of the later measurements. Each Gaussian of the mixture
+        is conditioned on it. Source: a backward recursion on the output of an IMM filter, with one smoother for each
+        mode, like Lopez and Danès (2017), "Low-complexity IMM smoothing for jump Markov nonlinear systems".
         """
         chain = self.chain(dt)
         size = len(self.filters)
@@ -312,7 +312,7 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return _combine_modes(probability / probability.sum(axis=0), modes, repaired)
 
     def _merge_parts(self, belief: MultiModelBelief, mode: int, weights: Array, parts: Sequence[Gaussian]) -> Belief:
-        """Merge the smoothed parts of a mode, one in the state of each mode to which the motion may change."""
+        """Merge a mode's smoothed Gaussians, one for each mode to which the motion may change next."""
         motion, current = self.motions[mode], Gaussian(belief.modes[mode].mean, belief.modes[mode].covariance)
         _, *destinations = self.origins(mode)
         converted = [in_state_of(motion, current, self.motions[j], parts[j]) for j in destinations]
@@ -324,14 +324,14 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return moment_matched(belief.probability, parts, ())
 
     def chain(self, dt: float) -> Array:
-        """Return ``transition_probabilities`` ``(M, M)``; ``(M, M, batch)`` if mean times differ in the batch."""
+        """Return the transition probabilities ``(M, M)`` over ``dt``; ``(M, M, batch)`` if members differ."""
         distinct, place = self._distinct_stays
         chains = [transition_probabilities(tuple(stay), dt) for stay in distinct]
         return chains[0] if place.ndim == 0 else np.stack(chains, axis=-1)[..., place]
 
     @cached_property
     def _distinct_stays(self) -> tuple[list[list[float]], Indices]:
-        """Distinct mean times of a batch, and the index of each member's."""
+        """Distinct mean times in the batch, and the index of each member's mean times among them."""
         stay = linalg.vector(self.stay_s)
         distinct, place = np.unique(stay.reshape(len(stay), -1), axis=1, return_inverse=True)
         return distinct.T.tolist(), place.reshape(stay.shape[1:])
@@ -345,9 +345,9 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return MultiModelBelief(probability, tuple(modes), belief.repaired)
 
     def mixture(self, belief: MultiModelBelief, chain: Array, to: int) -> tuple[Array, list[Gaussian]]:
-        """Return the modes before a transition to the mode ``to``, in the order of ``origins``.
+        """Return the modes from which a transition may lead to the mode ``to``, in the order of ``origins``.
 
-        These are their probabilities ``(M, ...)``, and their beliefs in the state of ``to``.
+        The tuple holds their probabilities ``(M, ...)`` given the transition, and their beliefs in that mode's state.
         """
         modes = [Gaussian(mode.mean, mode.covariance) for mode in belief.modes]
         _, *others = origins = self.origins(to)
@@ -356,19 +356,18 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return weights / weights.sum(axis=0), [modes[to], *parts]
 
     def origins(self, to: int) -> list[int]:
-        """Return the modes before a transition to a mode, that mode first: its probability is never zero."""
+        """Return the indices of the modes with a transition to ``to``; first ``to``, as its probability is never 0."""
         return [to, *(i for i in range(len(self.filters)) if i != to)]
 
 
 def _combine_modes(probability: Array, modes: Sequence[Belief], repaired: Mask | None) -> MultiModelBelief:
-    """Combine the modes into one belief, with their marks of repair in one mask."""
     for mode in modes:
         repaired = either(repaired, mode.repaired)
     return MultiModelBelief(probability, tuple(mode._replace(repaired=None) for mode in modes), repaired)
 
 
 def normalised(logarithm: Array) -> tuple[Array, Array]:
-    """Return probabilities ``(M, ...)`` from log-weights up to a common term, and the log ``(...)`` of their sum."""
+    """Normalise log-weights ``(M, ...)``: return probabilities, and the log ``(...)`` of the weights' sum."""
     largest = logarithm.max(axis=0)
     weights = np.maximum(np.exp(logarithm - largest), LEAST_PROBABILITY)
     total = weights.sum(axis=0)

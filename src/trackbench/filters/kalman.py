@@ -30,17 +30,17 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 
 @lru_cache(maxsize=256)
 def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
-    """Return transition and process noise of a linear model, which are equal for every state."""
+    """Return transition matrix and process noise of a linear motion model, which are equal for every state."""
     anywhere = np.zeros(len(motion.components))
     return motion.jacobian(anywhere, dt), process_noise_covariance(motion, anywhere, dt)
 
 
 @dataclass(frozen=True)
 class LinearisedFilter(SingleModelFilter):
-    """Base of the filters that linearise by Jacobians."""
+    """Base of the filters that linearise motion and measurement by Jacobians."""
 
     def predict(self, belief: Belief, dt: float) -> Belief:
-        """Predict by ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
+        """Predict the belief ``dt`` seconds ahead, by ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
         motion, x, p = self.motion, belief.mean, belief.covariance
         if motion.linear and not motion.batched and isinstance(dt, float):
             f, q = _constant(motion, dt)
@@ -50,7 +50,7 @@ class LinearisedFilter(SingleModelFilter):
         return Belief(mean, linalg.rounded_up(linalg.quadratic(f, p) + linalg.expand(q, p)))
 
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        """Return the covariance ``P F^T`` of the states before and after ``dt`` (Särkkä 2013, algorithm 9.1)."""
+        """Return ``P F^T``, the covariance of the states now and ``dt`` later (Särkkä 2013, algorithm 9.1)."""
         f = self.motion.jacobian(belief.mean, dt)
         return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
 
@@ -66,7 +66,7 @@ class LinearisedFilter(SingleModelFilter):
         return linear_update(belief, predicted, measured, scan.valid, self.motion.angular, remainder)
 
     def _predict_with_spread(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
-        """Predict the measurement from a belief with its factor ``L``; return also ``H L`` ``(m, n, ...)``."""
+        """Predict the measurement; return also ``H L`` ``(m, n, ...)``, with ``L`` the belief's Cholesky factor."""
         expected, h = observe(self.motion, SENSOR_MODELS[scan.kind], belief.mean, scan)
         factor = factor_of(belief)
         seen = linalg.matmul(h, factor)
@@ -133,7 +133,7 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:
-    """Return the predicted measurement ``(m, ...)`` of a state ``(n, ...)`` and its derivative ``(m, n, ...)``."""
+    """Return the measurement ``(m, ...)`` predicted from a state ``(n, ...)``, and its derivative ``(m, n, ...)``."""
     target = motion.to_cartesian(x)
     expected = sensor.measure(target, scan.sensor_pose, scan.sensor_velocity)
     h = sensor.jacobian(target, scan.sensor_pose, scan.sensor_velocity)
@@ -147,14 +147,14 @@ def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> 
 
 
 def factor_of(belief: Belief) -> Array:
-    """Return the factor ``(n, n, ...)`` of a belief that has one."""
+    """Return the Cholesky factor ``(n, n, ...)`` of a belief that stores one."""
     assert belief.factor is not None
     return belief.factor
 
 
 @dataclass(frozen=True)
 class SymmetricSet:
-    """Rule for sigma points: the central point, and a pair of points along each column of the covariance's factor.
+    """Rule for sigma points: the mean, and a pair of points along each column of the covariance's Cholesky factor.
 
     Source: Julier (2002), "The scaled unscented transformation"; with alpha 1, beta 0 and no kappa the original points,
     Julier and Uhlmann (1997), equations 11 and 12.
@@ -163,12 +163,12 @@ class SymmetricSet:
     alpha: float
     beta: float
     kappa: float | None
-    """Scaling parameter; None for three minus the dimension."""
+    """Scaling parameter kappa of the unscented transformation; None for three minus the dimension."""
 
     def weights(self, dimension: int) -> tuple[float, float, float, float]:
-        """Return the distance in standard deviations and the weights of the points.
+        """Return the distance of the points from the mean, in standard deviations, and three weights of points.
 
-        The weights are the centre's in the mean, the centre's in the covariance, and any other point's.
+        The weights are the mean point's in means, the mean point's in covariances, and any other point's.
         """
         kappa = 3.0 - dimension if self.kappa is None else self.kappa
         scaled = self.alpha**2 * (dimension + kappa)
@@ -182,9 +182,9 @@ CUBATURE = SymmetricSet(1.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class SigmaPointFilter(SingleModelFilter):
-    """Unscented Kalman filter, and with ``CUBATURE`` cubature Kalman filter.
+    """Unscented Kalman filter, or cubature Kalman filter with the rule ``CUBATURE``.
 
-    ``augmented``: the driving noise is part of the state whose points go through the transition, and the update uses
+    If ``augmented``, the driving noise is part of the state whose points go through the transition, and the update uses
     the predicted points. Otherwise the process noise is added to the predicted covariance and new points are drawn.
     Source: Wan and van der Merwe (2000), algorithm 2.1; Särkkä (2013), algorithms 5.14 and 5.15.
     """
@@ -258,14 +258,14 @@ class SigmaPointFilter(SingleModelFilter):
 
 
 def _points(belief: Belief, distance: float) -> Array:
-    """Return ``(n, 2 n + 1, ...)``: the centre, then the first points of all pairs, then the second points."""
+    """Return sigma points ``(n, 2 n + 1, ...)``: the mean, the first point of each pair, the second points."""
     centre = belief.mean[:, None]
     columns = distance * factor_of(belief)
     return np.concatenate([centre, centre + columns, centre - columns], axis=1)
 
 
 def _weighted(a: Array, b: Array, centre: float, other: float) -> Array:
-    """Compute ``sum_s w_s a_s b_s^T`` of deviations ``(n, s, ...)`` and ``(m, s, ...)``, the central point first."""
+    """Sum ``w_s a_s b_s^T`` over deviations ``(n, s, ...)`` and ``(m, s, ...)``; the mean point comes first."""
     outer = linalg.matmul_transposed(a[:, 1:], b[:, 1:]) * other
     if centre == 0.0:
         return outer

@@ -22,11 +22,10 @@ SEED = 20261
 
 
 class BlockInterval(NamedTuple):
-    """An estimate with its uncertainty."""
+    """Estimate of a statistic from one log, with its standard deviation by a block bootstrap."""
 
     value: float
     sigma: float
-    """Standard deviation of the estimate."""
     freedom: float
     """Degrees of freedom of the standard deviation."""
 
@@ -43,10 +42,10 @@ class BlockInterval(NamedTuple):
 
 @dataclass(frozen=True)
 class Blocks:
-    """Two ways to cut the rows of a log: by time, and by object."""
+    """Blocks into which the rows of a log are cut: by time and, with many objects, by object as well."""
 
     cuts: tuple[Indices, ...]
-    """Block number of each row, ``(rows,)``, for each way to cut."""
+    """For each way to cut, ``(rows,)`` the number of the block of each row."""
 
     def intervals(self, terms: Array, finish: Callable[[Array], Array]) -> list[BlockInterval]:
         """Return bootstrap intervals, from whole blocks, of statistics that are functions of sums over rows.
@@ -56,7 +55,7 @@ class Blocks:
         (2008), "Bootstrap-based improvements for inference with clustered errors".
 
         Args:
-            terms: ``(k, rows)`` terms of the sums.
+            terms: ``(k, rows)`` term of each row in each of k sums.
             finish: computes the statistics ``(q, ...)`` from sums ``(k, ...)``.
         """
         value = finish(terms.sum(axis=1))
@@ -85,9 +84,9 @@ def blocks_of(time: Array, owner: Indices, residual: Array) -> Blocks:
     """Cut rows into blocks that are longer than the measured correlation time of their residuals.
 
     Args:
-        time: ``(rows,)`` s, sorted.
+        time: ``(rows,)`` time of each row, s, sorted.
         owner: ``(rows,)`` object number of each row.
-        residual: ``(m, rows)``.
+        residual: ``(m, rows)`` m components of each row's residual.
     """
     span = max(float(time[-1] - time[0]), 1e-9)
     correlated = max(correlation_time(time, owner, row) for row in residual)
@@ -104,7 +103,7 @@ def blocks_of(time: Array, owner: Indices, residual: Array) -> Blocks:
 
 
 def correlation_time(time: Array, owner: Indices, residual: Array) -> float:
-    """Return the time, s, after which the autocorrelation of an object's residuals is below its noise."""
+    """Return the time, s, after which residuals of one object are no longer correlated beyond noise."""
     products: dict[int, list[float]] = {}
     spacing = []
     scale = float(np.mean(residual**2))

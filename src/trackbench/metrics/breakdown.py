@@ -49,10 +49,10 @@ _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in F
 
 
 def class_sums(codes: Indices, errors: Array, beyond: Array) -> ClassSums:
-    """Return the sums under each condition over independent parts.
+    """Return the sums of errors and NEES under each condition, with their moments over runs or stretches.
 
     Args:
-        codes: ``(classes,)`` flat index of each class, see :func:`trackbench.metrics.conditions.condition_classes`.
+        codes: ``(classes,)`` flat index of each class in :data:`trackbench.metrics.conditions.SHAPE`.
         errors: ``(15, classes, parts)`` sums of the errors of each class, rows ``ERROR_FIELDS``.
         beyond: ``(3, classes, parts)`` numbers of NEES beyond each point of chi-square.
     """
@@ -64,7 +64,7 @@ def class_sums(codes: Indices, errors: Array, beyond: Array) -> ClassSums:
 
 
 def moments(by_part: Array) -> ClassSums:
-    """Return the sums and their moments from the sums of each part ``(parts, fields, conditions)``."""
+    """Return total, squares and products over parts of the sums in each part, ``(parts, fields, conditions)``."""
     return ClassSums(
         total=by_part.sum(axis=0),
         square=(by_part**2).sum(axis=0),
@@ -74,7 +74,7 @@ def moments(by_part: Array) -> ClassSums:
 
 
 def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | None) -> ClassSums:
-    """Merge the sums by condition of several blocks.
+    """Merge the sums under each condition from several blocks of runs.
 
     Args:
         blocks: number of runs and sums of each block.

@@ -39,10 +39,10 @@ Classes = npt.NDArray[np.int16]
 
 
 def condition_classes(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], runs: range) -> Classes:
-    """Return the class of each object, ``(instants, objects, runs or 1)``, as a flat index into ``SHAPE``.
+    """Return each object's class, ``(instants, objects, runs or 1)``: manoeuvre, range, age and jump as one index.
 
     Args:
-        truth: the motion.
+        truth: motion of the objects and the observer.
         instants: ``(instants,)`` indices of the truth's steps.
         sensors: the sensors that the tracker uses.
         runs: the runs to classify, where the motion differs between runs.
@@ -89,7 +89,7 @@ def _smoothed(values: Array, truth: Truth) -> Array:
 
 
 def out_of_view(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
-    """Return the time since a sensor could last see each object, ``(instants, objects, runs or 1)`` s, else infinity.
+    """Return the time since a sensor could see each object, ``(instants, objects, runs or 1)`` s; infinity before that.
 
     Args:
         time: times of the truth's steps, s.

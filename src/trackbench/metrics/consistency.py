@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Estimate, Mask
 
 
 def beyond_path(point: str) -> str:
-    """Return the path of the share of the NEES beyond a point of ``BEYOND``."""
+    """Return the metric path of the share of NEES beyond a point of chi-square, such as "95 %"."""
     return f"nees_beyond.{point.removesuffix(' %')}"
 
 
@@ -23,8 +23,8 @@ def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Ma
     S, the NIS ``y^T S^-1 y`` (Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2).
 
     Args:
-        error: ``(n, ...)``.
-        covariance: ``(n, n, ...)``.
+        error: ``(n, ...)`` estimation errors or innovations.
+        covariance: ``(n, n, ...)`` stated covariance of each error.
 
     Returns:
         The normalised square, the whitened error ``L^-1 e``, and where the covariance is positive definite.
@@ -35,9 +35,10 @@ def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Ma
 
 
 def whitened_innovation(estimate: Estimate, members: slice = slice(None)) -> Array | None:
-    """Return the innovation ``(m, batch)`` in its standard deviations, as the tracker gives it or else computed.
+    """Return the innovation ``(m, batch)`` in units of its standard deviations.
 
-    None where the tracker gives no innovation; NaN where its covariance is not positive definite.
+    If the tracker gives no whitened innovation, it is computed from the innovation and its covariance, NaN where that
+    is not positive definite. None where the tracker gives no innovation.
     """
     if estimate.whitened_innovation is not None:
         return estimate.whitened_innovation[:, members]
@@ -70,11 +71,11 @@ BEYOND = {"95 %": 0.05, "99 %": 0.01, "99.9 %": 0.001}
 
 @cache
 def beyond_points(dof: int) -> tuple[float, ...]:
-    """Return the chi-square quantiles of the points in ``BEYOND``."""
+    """Return the 95 %, 99 % and 99.9 % quantiles of chi-square with ``dof`` degrees of freedom."""
     return tuple(float(2 * gammaincinv(dof / 2, 1.0 - share)) for share in BEYOND.values())
 
 
 @cache
 def point95(dof: int) -> float:
-    """Return the 95 % quantile of chi-square."""
+    """Return the 95 % quantile of chi-square with ``dof`` degrees of freedom."""
     return float(2 * gammaincinv(dof / 2, 0.95))

@@ -43,11 +43,12 @@ def turning_factor(scenes: int) -> float:
 
 
 class Contrast(NamedTuple):
-    """Difference of two values, with its interval and test."""
+    """Difference of two trackers' values of a metric, with its confidence interval and the p-value of a test."""
 
     value: float
     ci95: tuple[float, float] | None
-    """None with fewer than two runs or ``FEWEST_SCENES`` scenes, and where neither value varies between runs."""
+    """95 % interval. None with fewer than two runs or ``FEWEST_SCENES`` scenes, and where neither value varies between
+    runs."""
     p_value: float
     """P-value of the hypothesis that the difference is within the margin: twice the tail probability at the nearer end.
     It is below 5 % exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis
@@ -59,7 +60,7 @@ class Contrast(NamedTuple):
 
     @property
     def equivalent(self) -> bool:
-        """Whether the interval lies within the margin.
+        """Whether the interval lies within the margin: the difference is shown not to matter.
 
         It is the outcome of two one-sided tests, each at 2.5 % (Schuirmann 1987, "A comparison of the two one-sided
         tests procedure and the power approach").
@@ -68,7 +69,7 @@ class Contrast(NamedTuple):
 
 
 def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
-    """Return ``a - b`` of values from the same runs (same truth, same noise), by a paired t test on the influences."""
+    """Return ``a - b`` of values from the same runs (same truth, same noise), by a paired t test over the runs."""
     (contrast,) = all_paired([a, b], [(0, 1)], lambda *_: margin)
     return contrast
 
@@ -76,14 +77,14 @@ def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
 def all_paired(
     intervals: Sequence[Interval], pairs: Sequence[tuple[int, int]], margin: Callable[[Interval, Interval], float]
 ) -> list[Contrast]:
-    """Return the paired difference of each pair; successive pairs with the same first value are computed together.
+    """Return the paired difference of two values for each of the ``pairs``.
 
     Over the few stretches of a run, the ratio of two errors is tested: it varies less than their difference where one
     of them is large. With fewer than ``FEWEST_STRETCHES`` stretches nothing is tested.
 
     Args:
         intervals: values from the same runs.
-        pairs: indices of the two values of each pair.
+        pairs: indices of the two values of each pair; pairs with the same first value are fastest side by side.
         margin: returns the largest difference of two values that does not matter.
     """
     values = np.array([item.value for item in intervals])
@@ -112,7 +113,7 @@ def all_paired(
 
 
 def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
-    """Return ``a - b`` of values from independent runs, by Welch's t test on the influences.
+    """Return ``a - b`` of values from independent runs, by Welch's t test over runs or scenes.
 
     Source: Welch (1947), "The generalization of Student's problem when several different population variances are
     involved". If the runs do have something in common, the interval is too wide rather than too narrow.
@@ -129,17 +130,17 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
 
 
 class LogRatio(NamedTuple):
-    """Logarithm of the ratio of two positive values."""
+    """Natural logarithm of the ratio of two positive metric values, with its standard error."""
 
     value: float
     error: float | None
-    """Standard error of the logarithm; None where runs, scenes or stretches are too few or do not vary."""
+    """Standard error of the logarithm; None where runs, scenes or stretches of time are too few or do not vary."""
     freedom: int
-    """Degrees of freedom of the error."""
+    """Degrees of freedom of the standard error."""
 
 
 def log_ratio(a: Interval, b: Interval, *, is_paired: bool) -> LogRatio | None:
-    """Return the logarithm of ``a / b``; None where either is not positive.
+    """Return the natural logarithm of ``a / b``, with its error; None where either value is not positive.
 
     Args:
         a: numerator.
@@ -161,7 +162,7 @@ def log_ratio(a: Interval, b: Interval, *, is_paired: bool) -> LogRatio | None:
 
 
 def _allowed(a: Interval, b: Interval) -> tuple[float, float]:
-    """Return the allowances for undrawn scenes in a difference of two errors: of its interval, and of its verdict.
+    """Return what a difference of two errors allows for undrawn scenes: in the interval, and in the verdict.
 
     Two trackers may differ in one scene of a hundred alone. Where it is not drawn, their differences are small and the
     interval of the mean is short: the data do not show what is missing. So the interval allows for a share of the
@@ -179,7 +180,6 @@ def _allowed(a: Interval, b: Interval) -> tuple[float, float]:
 def _tested(
     first: float, second: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask, allowed: Array
 ) -> list[Contrast]:
-    """Test the differences of one value to second values ``(k,)``; ``allowed`` ``(k, 2)`` comes from ``_allowed``."""
     values = first - second
     margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(second)))
     if errors is None:

@@ -12,7 +12,7 @@ Counted = Literal["share", "rate"]
 def count_limits(
     kind: Counted, value: float, amount: float, error: float, parts: int, stretch: float
 ) -> tuple[float, float]:
-    """Return the 95 % limits of a share of so many events, or of a rate over so much time.
+    """Return the 95 % limits of a share among counted events, or of a number of events per time.
 
     The limits are those of Clopper and Pearson (1934) for shares and of Garwood (1936) for rates. The events, or the
     time, are first divided by the factor by which parts vary more than independent counts: Korn and Graubard (1998),
@@ -25,7 +25,7 @@ def count_limits(
         amount: number of events, or time; with several runs of one scene their mean, as another run is no new scene.
         error: standard error of the value from the variation between parts.
         parts: number of parts, which are runs or scenes.
-        stretch: factor of the reach of an interval over so many scenes, applied to the excess variance; 1 for runs.
+        stretch: factor on the half width of an interval over few scenes, applied to the excess variance; 1 for runs.
     """
     count = value * amount
     independent = value * (1.0 - value) / amount if kind == "share" else value / amount

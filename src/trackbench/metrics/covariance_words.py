@@ -28,7 +28,7 @@ def verdict_in_words(
     Args:
         metric: NEES or NIS; without a verdict the words are empty. The verdict on whiteness is a word already.
         conditions: scores of the tracker by condition, which tell whether estimates are missing.
-        whole: whether to add where it is off; else a covariance that is right in the mean is "about right overall".
+        whole: whether to add where the covariance is off; else one that is right in the mean is "about right overall".
     """
     if metric.value is None or metric.verdict is None:
         return ""
@@ -58,7 +58,6 @@ def verdict_in_words(
 
 
 def _size(metric: MetricValue, dof: int) -> str:
-    """Return the size that the interval of the mean shows: "about right", "much too small" and so on; else empty."""
     verdict = metric.verdict if metric.ci95 is None else mean_verdict(metric.ci95, dof)
     word = SIZE.get(verdict or "", "")
     low, high = metric.ci95 or (float(metric), float(metric))
@@ -70,7 +69,6 @@ def _looks(ratio: float) -> str:
 
 
 def _undecided(ratio: float, nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str:
-    """Return why there is no verdict, and to which side a mean that is far off looks."""
     enough_given = nees.dof is None or meaning(nees, conditions) == MEANING["undecided"]
     why = TOO_FEW if enough_given else MISSING
     if nees.dof is None or 1 / LOOKS < ratio < LOOKS:
@@ -79,7 +77,7 @@ def _undecided(ratio: float, nees: MetricValue, conditions: Mapping[str, Conditi
 
 
 def _places_off(nees: MetricValue) -> Iterator[tuple[str, str]]:
-    """Yield the size of the covariance and the place where it is off, farthest off first, then where it is right."""
+    """Yield size and place for each condition where the covariance is off, farthest first, then where it is right."""
     every = [(item.verdict, _where(item.name), item.mean / (nees.dof or 4)) for item in nees.conditions or ()]
     parts = [(part, "") for part in nees.parts or ()]
     parts += [(part, f" {_where(item.name)}") for item in nees.conditions or () for part in item.parts]
@@ -95,7 +93,6 @@ def _places_off(nees: MetricValue) -> Iterator[tuple[str, str]]:
 
 
 def _where(condition: str) -> str:
-    """Return a condition in words: "while turning", "in velocity across the motion", "at 20 to 50 m"."""
     if condition in HALVES:
         return f"in {condition.removesuffix(' alone')}"
     if condition in DIRECTIONS:

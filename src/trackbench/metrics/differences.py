@@ -33,14 +33,14 @@ class Family:
     """
 
     against: str | None = None
-    """Tracker that all others are compared with; None for every pair."""
+    """Tracker that all others are compared with; None where every pair is compared."""
     selected: bool = False
-    """Whether that tracker was selected by its best value in the same data."""
+    """Whether the tracker ``against`` was selected by its best value in the same data."""
     expected: Collection[tuple[str, frozenset[str]]] = ()
-    """Metric and pair of each expectation that compares two trackers."""
+    """Metric path and the names of the two trackers, for each expectation that compares two trackers."""
 
     def pairs(self, names: Sequence[str], path: str) -> list[tuple[str, str]]:
-        """Return the pairs of trackers that are compared by the metric at ``path``."""
+        """Return the pairs of trackers that are compared by the metric with this dotted path."""
         if self.against is None:
             return [*combinations(names, 2)]
         to_one = [(self.against, name) for name in names if self.against in names and name != self.against]
@@ -49,7 +49,7 @@ class Family:
 
 
 def corrected_p_values(p_values: Sequence[float], choices: Sequence[float]) -> list[float]:
-    """Correct p-values for their number, and for the choice of the best tracker in the same data.
+    """Correct p-values for the number of tests, and for the choice of the best tracker in the same data.
 
     A tracker is called worse than the best only where that holds whichever other tracker is the best. Chance may have
     made any of the others the best, so the one-sided p-value is multiplied by their number. Holm's correction over all
@@ -59,8 +59,8 @@ def corrected_p_values(p_values: Sequence[float], choices: Sequence[float]) -> l
 
     Args:
         p_values: two-sided p-values.
-        choices: factor of each p-value before Holm's correction. It is half the number of other trackers where one of
-            the pair was chosen by this metric, their number where by another metric, and 0 where neither was chosen.
+        choices: factor of each p-value for the choice of the best tracker; 0 leaves the p-value as it is. The factor is
+            the number of other trackers if another metric chose the best one, and half of it if this metric did.
     """
     selected = [min(1.0, number * p) if number else p for p, number in zip(p_values, choices, strict=True)]
     # The hypothesis that the best is as good as the best counts too.
@@ -68,7 +68,7 @@ def corrected_p_values(p_values: Sequence[float], choices: Sequence[float]) -> l
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Correct p-values for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
+    """Correct p-values for the number of tests. Source: Holm (1979), "A simple sequentially rejective procedure"."""
     values = np.asarray(p_values, dtype=float)
     order, remaining = np.argsort(values, kind="stable"), np.arange(len(values), 0, -1)
     corrected = np.empty(len(values))
@@ -160,7 +160,7 @@ def _difference(
 
 
 def difference_without_charged(a: MetricValue | None, b: MetricValue | None) -> float | None:
-    """Return ``a - b`` over the given estimates; None where at most ``MOST_CHARGED`` of either error is charged."""
+    """Return ``a - b`` over given estimates alone; None where at most a tenth of either error is for missing ones."""
     values = [item for item in (a, b) if item is not None and item.value is not None]
     if len(values) < 2 or max(item.charged_share or 0.0 for item in values) <= MOST_CHARGED:
         return None
@@ -185,13 +185,13 @@ def verdict_on_first(
 
 
 def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:
-    """Return the largest difference of two trackers that does not matter."""
+    """Return the largest difference of two trackers' values that does not matter, by the better value."""
     best = max if better == "larger" else min
     return margin.at(best(a.value, b.value, key=abs), unit)
 
 
 def contrast_verdict(difference: Contrast, p_value: float, better: Direction | None) -> str:
-    """Return the verdict on the first of two trackers, one of ``VERDICTS``.
+    """Return the verdict on the first of two trackers: better, worse, larger, smaller, equivalent or undecided.
 
     More runs turn ``undecided`` into another verdict, as the interval comes to lie outside the margin, or inside.
 
@@ -208,5 +208,5 @@ def contrast_verdict(difference: Contrast, p_value: float, better: Direction | N
 
 
 def size(difference: float) -> str:
-    """Return the verdict for a shown difference where neither tracker is better."""
+    """Return ``larger`` or ``smaller``, the verdict on a shown difference where neither tracker is better."""
     return "larger" if difference > 0 else "smaller"

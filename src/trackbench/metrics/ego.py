@@ -16,31 +16,30 @@ _MOTION = ("px", "py", "yaw", "vx", "vy", "yaw_rate")
 
 @dataclass(frozen=True)
 class Ego(Observer):
-    """Vehicle that carries the sensors; its arrays have one common shape."""
+    """Vehicle that carries the sensors: its size, and arrays of its motion with one common shape."""
 
     @classmethod
     def of(cls, observer: Observer, steps: Indices | slice) -> Ego:
-        """Return the observer at some steps of the truth; a point gets the size ``EGO_SIZE``."""
+        """Return the vehicle at some steps of the truth; one that is recorded as a point gets the size 5 m by 2 m."""
         motion = {name: getattr(observer, name)[steps] for name in _MOTION}
         return cls(**motion, length=observer.length or EGO_SIZE[0], width=observer.width or EGO_SIZE[1])
 
     def each(self, pick: Any) -> Ego:
-        """Return the ego with each array indexed by ``pick``, such as ``(slice(None), None)``."""
+        """Return the vehicle with each array of its motion indexed by ``pick``, such as ``(slice(None), None)``."""
         return replace(self, **{name: getattr(self, name)[pick] for name in _MOTION})
 
     @property
     def speed(self) -> Array:
-        """Speed, m/s."""
         return np.hypot(self.vx, self.vy)
 
 
 class EgoScene(NamedTuple):
-    """Ego and sizes of the objects at the instants at which trackers are scored."""
+    """Motion of the vehicle that carries the sensors, at the scored instants, and sizes of the objects."""
 
     ego: Ego
-    """``(instants,)``"""
+    """Motion of the vehicle that carries the sensors, arrays ``(instants,)``."""
     length: Array
-    """``(objects,)`` m."""
+    """``(objects,)`` length of each object's body, m."""
     width: Array
 
     @classmethod
@@ -49,5 +48,5 @@ class EgoScene(NamedTuple):
         return cls(Ego.of(truth.observer, steps), truth.length, truth.width)
 
     def within(self, span: slice) -> EgoScene:
-        """Return the scene at the instants of ``span``."""
+        """Return the scene at the instants that the slice ``span`` selects."""
         return self._replace(ego=self.ego.each(span))

@@ -87,7 +87,6 @@ SCORES = Equations(
 
 
 def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
-    """Return the NEES of the velocity alone; ``product`` is the product of its two errors."""
     a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
     variances = a * d
     determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class EstimateSums:
-    """Accumulator of the built-in metrics of estimates."""
+    """Accumulator whose sums all built-in metrics of estimates share."""
 
     name = "built-in"
 
@@ -111,7 +111,6 @@ class _BlockSums:
             self._diverged |= self._by_run(np.asarray(far.any(axis=0))) > 0
 
     def scores(self) -> BlockScores:
-        """Return the sums of all instants that were added."""
         errors, beyond = self._per_class, np.cumsum(self._passed[::-1], axis=0)[::-1]
         codes, stretch = divmod(self._codes, self._stretches)
         per_run = per_part = errors.sum(axis=1)
@@ -134,11 +133,9 @@ class _BlockSums:
         )
 
     def _by_run(self, batch: Array) -> Array:
-        """Sum values ``(..., batch)`` over objects, to ``(..., runs)``."""
         return np.asarray(batch.reshape(*batch.shape[:-1], -1, self._scope.runs).sum(axis=-2))
 
     def _add_by_class(self, values: Array, classes: Indices) -> None:
-        """Add values ``(fields, instants, batch)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
         runs, per_class = self._scope.runs, self._per_class
         if classes.shape[-1] == 1:
             of_row, rows = classes.reshape(-1), values.reshape(len(values), -1, runs)
@@ -155,7 +152,7 @@ class _BlockSums:
             total += np.bincount(places, value.reshape(-1), total.size).reshape(total.shape)
 
     def _count_beyond(self, nees: Array, classes: Indices) -> None:
-        """Count each NEES ``(instants, batch)`` at the farthest point that it is beyond, by class and run."""
+        """Count each NEES ``(instants, batch)``, by class and run, at the farthest chi-square point that it exceeds."""
         points, runs = beyond_points(4), self._scope.runs
         cells = np.flatnonzero(nees > points[0])
         place = classes.reshape(-1)[cells // runs if classes.shape[-1] == 1 else cells]

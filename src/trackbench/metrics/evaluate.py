@@ -27,22 +27,22 @@ MetricSums = dict[str, Any]
 
 @dataclass
 class Evaluation:
-    """Metrics of one tracker."""
+    """Metric values and intervals of one tracker, with the sums that they are computed from."""
 
     sums: MetricSums
-    """Sums that the metrics are computed from."""
+    """Sums over the tracker's estimates or tracks in all runs, by name of the accumulator."""
     values: dict[str, MetricValue] = field(default_factory=dict)
     """Metric values by dotted path."""
     intervals: dict[str, Interval] = field(default_factory=dict)
     """Intervals of the metrics that are means, by dotted path."""
     run_columns: dict[str, Array] = field(default_factory=dict)
-    """Columns ``(runs,)`` of the table of runs, of the metrics with sums of their own."""
+    """Columns ``(runs,)`` of the table of runs, by name, of the metrics whose sums no other metric shares."""
     broken: dict[str, str] = field(default_factory=dict)
-    """Error that ``finish`` raised, by name of the metric."""
+    """Message of the error that a user's metric raised in ``finish``, by name of the metric."""
 
     @property
     def scores(self) -> BlockScores:
-        """Sums that the built-in metrics of estimates share."""
+        """Sums of squared errors, NEES and innovations, from which the built-in metrics of estimates are computed."""
         scores: BlockScores = self.sums[ESTIMATES.name]
         return scores
 
@@ -64,7 +64,7 @@ def evaluate(
         metrics: metrics to compute.
         noise: noise of the truth, if it is recorded.
         in_time: whether the scenes are successive stretches of time.
-        few_scenes_decide: whether one scene of a hundred may decide between two trackers.
+        few_scenes_decide: whether rare scenes, one in a hundred, may decide which of two trackers is better.
     """
     evaluation = Evaluation(dict(sums))
     sensors: list[str] = []
@@ -105,7 +105,7 @@ def evaluate(
 
 
 def widen_for_reference(error: MetricValue, variance: float) -> MetricValue:
-    """Widen the interval of a root mean square error for reference errors of this mean square.
+    """Widen the interval of an RMSE for errors of the reference, which have the mean square ``variance``.
 
     Reference errors are independent of the tracker's: ``variance`` is added to the square of the upper end and
     subtracted from the square of the lower end. All trackers share them, so no difference is widened.
@@ -118,7 +118,7 @@ def widen_for_reference(error: MetricValue, variance: float) -> MetricValue:
 
 
 def independent_scores(merged: BlockScores, scene: Indices) -> BlockScores:
-    """Return the sums within parts that are independent of each other.
+    """Return the sums within independent parts: scenes, runs of one scene, or stretches of a single run.
 
     Runs of one scene share its traffic, so several scenes are the independent parts. A single run, and each of few
     logs, is cut into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the analysis of simulation
@@ -141,12 +141,12 @@ def independent_scores(merged: BlockScores, scene: Indices) -> BlockScores:
 
 
 def no_metrics(reason: str, metrics: Iterable[Metric] = BUILT_IN) -> dict[str, MetricValue]:
-    """Return the metrics of a tracker without sums: none has a value."""
+    """Return every metric without a value, for the given reason; for a tracker that could not be scored."""
     return {metric.name: metric.no_value(reason) for metric in metrics if not metric.per_sensor}
 
 
 def health(scores: BlockScores) -> Health:
-    """Count the faults that did not end the run."""
+    """Count diverged runs, repaired covariances and missing estimates, faults that did not end the run."""
     return Health(
         diverged_runs=int(scores.diverged.sum()),
         repaired_covariances=int(scores.repaired.sum()),
@@ -156,12 +156,11 @@ def health(scores: BlockScores) -> Health:
 
 
 def accumulators(metrics: Sequence[Metric]) -> dict[str, Accumulator]:
-    """Return the accumulators of these metrics by name."""
     return {metric.accumulator.name: metric.accumulator for metric in metrics}
 
 
 def merge_sums(blocks: Sequence[MetricSums], metrics: Sequence[Metric] = BUILT_IN) -> MetricSums:
-    """Merge the sums of consecutive blocks of runs."""
+    """Merge the sums of consecutive blocks of runs, for each accumulator of the metrics."""
     return {name: item.merge([block[name] for block in blocks]) for name, item in accumulators(metrics).items()}
 
 
@@ -201,6 +200,6 @@ def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, I
 
 
 def log_broken(broken: Iterable[Mapping[str, str]]) -> None:
-    """Log each metric that raised once; ``broken`` has the error by metric name for each tracker."""
+    """Log each metric that raised an error, once per metric; ``broken`` has each tracker's errors by metric name."""
     for metric, cause in {name: cause for each in broken for name, cause in each.items()}.items():
         log.warning("metric %s has no value: %s", metric, cause)

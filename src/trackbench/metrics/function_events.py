@@ -19,19 +19,19 @@ _STEM = "warn_delay."
 
 
 class FunctionEvent(NamedTuple):
-    """Period in which a function should have been active, or was active without a reason."""
+    """Period in which a driver assistance function should have been active, or was active without a reason."""
 
     tracker: str
     function: str
     object: str
-    """Empty for a track on no object."""
+    """Name of the object that the function acts on; empty for a track on no object."""
     outcome: str
-    """One of ``answered``, ``missed`` and ``false``."""
+    """``answered``: active when it should be; ``missed``: never active; ``false``: active without a reason."""
     run: int
     time_s: float
     until_s: float
     delay_s: float | None
-    """Delay of the answer, below 0 where it was early; None for a false activation."""
+    """Delay of the activation against the truth, below 0 where it was early; None for a false activation."""
 
     @property
     def word(self) -> str:
@@ -42,7 +42,7 @@ class FunctionEvent(NamedTuple):
 
     @property
     def wrong_s(self) -> float:
-        """Time for which the function differed from its answer on the truth, s."""
+        """Time for which the function was active on tracks but not on the truth, or the reverse, s."""
         return self.until_s - self.time_s if self.delay_s is None else abs(self.delay_s)
 
 
@@ -51,7 +51,7 @@ WORST = ("missed", "late", "false", "early")
 
 
 def function_labels(paths: Iterable[str]) -> list[str]:
-    """Return the names of the functions that have metrics among these paths."""
+    """Return the names of the driver assistance functions that have metrics among these dotted paths."""
     return list(dict.fromkeys(path.removeprefix(_STEM) for path in paths if path.startswith(_STEM)))
 
 
@@ -62,7 +62,7 @@ def function_events(
     run: int | None = None,
     vehicle: str | None = None,
 ) -> list[FunctionEvent]:
-    """Return the faulty events of a function in the order of ``WORST``, the longest of each fault first.
+    """Return a function's faulty events by fault: missed, late, false, early; the longest of each fault first.
 
     Args:
         result: result of a run.
@@ -85,7 +85,7 @@ def function_events(
 
 
 def _rows(table: pa.Table, **values: str | int | None) -> list[dict[str, Any]]:
-    """Return the rows with these column values (None: any); NaN becomes None."""
+    """Return the rows that have the given values in the named columns, None for any value; NaN becomes None."""
     for name, value in values.items():
         if value is not None and table.num_rows:
             table = table.filter(pc.equal(table[name], float(value) if name == "run" else value))
@@ -104,14 +104,14 @@ _TIME = re.compile(r"^[\d.]+ s ")
 
 
 class TrackEvent(NamedTuple):
-    """Event of a track or an object."""
+    """Row of the table of events: a confirmation, loss, switch or another event of a track or an object."""
 
     tracker: str
     run: int
     kind: str
     time_s: float
     object: str
-    """Empty for a track on no object."""
+    """Name of the object; empty for a track on no object."""
     track: int | None
     other_object: str
     other_track: int | None
@@ -122,12 +122,12 @@ class TrackEvent(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """Reason without the time of the event."""
+        """Reason of the event without its time, equal for all events of one cause."""
         return _TIME.sub("", self.why)
 
     @property
     def reason(self) -> str:
-        """Reason with the other object and track."""
+        """Reason of the event with the second object and track that take part in it."""
         others = [f"vehicle {self.other_object}"] if self.other_object else []
         others += [f"track {self.other_track}"] if self.other_track is not None else []
         return f"{self.why} ({', '.join(others)})" if others else self.why

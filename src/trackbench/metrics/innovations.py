@@ -33,9 +33,9 @@ def _innovation_sums(values: Values) -> Values:
 
 
 def _counted(white: Array, used: Any) -> tuple[Array, Any, Array]:
-    """Return the innovations with zeros where they do not count, the mask of those that count, and their NIS.
+    """Return the innovations with zeros where they are not scored, the mask of scored ones, and their NIS.
 
-    An innovation counts if it is used and its NIS can be summed. A sequence of calls leaves anything in unused ones.
+    An innovation is scored if it is used and its NIS can be summed. A sequence of calls leaves anything in unused ones.
     """
     white = np.where(used, white, 0.0)
     nis = np.einsum("m...,m...->...", white, white)
@@ -61,13 +61,13 @@ INNOVATION_SUMS = Equations(
 
 
 class Innovations:
-    """Running sums over whitened innovations, which ``scores`` returns at the end.
+    """Running sums over the whitened innovations of one sensor; ``scores`` returns them at the end.
 
     New measurements wait in rows; row 0 holds the latest measurement that is summed.
     """
 
     def __init__(self, measurements: int, objects: int, runs: int, compute: Compute = by_numpy) -> None:
-        """Start the sums of a sensor that takes this number of ``measurements``."""
+        """Start with sums of zero, for a sensor that takes this number of ``measurements`` in a run."""
         self._shape = objects, runs
         self._compute = compute
         self._per_step = np.zeros((len(NIS_FIELDS), measurements))
@@ -100,16 +100,16 @@ class Innovations:
 
     @property
     def known(self) -> bool:
-        """Whether an innovation was added, so that the dimension is known."""
+        """Whether an innovation was added, so that its number of components is known."""
         return self._dof > 0
 
     def latest(self) -> tuple[Array, Mask]:
-        """Return the latest measurement's whitened innovations ``(m, batch)``, and the mask of those that count."""
+        """Return the whitened innovations ``(m, batch)`` of the latest measurement, and which of them are scored."""
         self.flush()
         return self._white[0], self._used[0]
 
     def take_sums(self, per_step: Array, per_run: Array, white: Array, used: Mask) -> None:
-        """Add the sums of the next measurements, with the ``latest`` innovations after them."""
+        """Add sums over the next measurements; ``white`` and ``used`` are the innovations of the last of them."""
         count = per_step.shape[1]
         self._per_step[:, self._measurement : self._measurement + count] = per_step
         self._per_run += per_run
@@ -117,7 +117,6 @@ class Innovations:
         self._white[0], self._used[0] = white, used
 
     def flush(self) -> None:
-        """Sum the measurements that wait."""
         rows, before = slice(1, 1 + self._waiting), slice(self._waiting)
         if not self._waiting:
             return
@@ -134,7 +133,7 @@ class Innovations:
         self._waiting = 0
 
     def scores(self, stretches: int = 0) -> NisScores:
-        """Return the sums of all measurements; ``stretches`` is the number of stretches of a single run, else 0."""
+        """Return the sums over all measurements; ``stretches``: number of stretches of a single run, else 0."""
         self.flush()
         per_part = self._per_run
         if stretches:

@@ -25,34 +25,34 @@ TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the re
 
 
 class Stretch(NamedTuple):
-    """Factors on the reach of Student's interval; a value with one limit has the interval on the logarithmic scale."""
+    """Factors that widen the sides of Student's interval, for few scenes or skewed runs."""
 
     toward: float = 1.0
-    """Factor towards the limit: below an error."""
+    """Factor on the side of the value's limit: below an error, whose limit is 0."""
     away: float = 1.0
-    """Factor away from the limit: above an error."""
+    """Factor on the side away from the value's limit: above an error."""
     difference: float = 1.0
-    """Factor for a difference of two values."""
+    """Factor on both sides of the interval of a difference of two values."""
 
 
 class Parts(NamedTuple):
-    """Independent parts that an interval rests on: runs, or scenes."""
+    """Number and kind of the independent parts that an interval rests on: runs, or scenes."""
 
     number: int
     scenes: bool
     fewest: float = 2
-    """Least number of runs for a calibrated interval of one tracker."""
+    """Least number of runs with which the interval of one tracker is calibrated."""
 
     @property
     def too_few(self) -> str:
-        """Reason why the parts are too few for an interval or a difference; empty where they are enough."""
+        """Reason why runs or scenes are too few for an interval or a difference; empty where they are enough."""
         if self.scenes and self.number < FEWEST_SCENES:
             return TOO_FEW_SCENES
         return TOO_SHORT if self.number < 2 else ""
 
     @property
     def uncalibrated(self) -> str:
-        """Reason why the parts are too few for the interval of one tracker, if not for a difference; else empty."""
+        """Reason why runs or scenes are too few for one tracker's interval, if not for a difference; else empty."""
         if self.too_few or self.scenes or self.number >= self.fewest:
             return self.too_few
         if self.fewest == np.inf:
@@ -61,7 +61,7 @@ class Parts(NamedTuple):
 
     @property
     def stretch(self) -> Stretch:
-        """Factors on the reach of Student's interval over this number of parts.
+        """Factors by which the half widths of Student's interval are stretched for so few runs or scenes.
 
         A few scenes are much harder than the others. A sample without them has too small a mean and too small a spread
         at once, so that nothing in it warns. The effect of skewness falls with the root of the number of scenes, and
@@ -76,43 +76,43 @@ class Parts(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """Metric value with the influence of each independent run, or scene."""
+    """Metric value with the influence of each independent run or scene on it, which gives its confidence interval."""
 
     value: float
     influence: Array
     """``(runs,)`` first-order contribution of each run to the value, with mean zero; ``(scenes,)`` once clustered."""
     at_least: float = -np.inf
-    """Lower limit of the value, such as zero for squared errors."""
+    """Smallest possible value, such as zero for squared errors."""
     at_most: float = np.inf
-    """Upper limit of the value, such as one for a share."""
+    """Largest possible value, such as one for a share."""
     weight: Array | None = None
     """``(runs,)`` relative weight of each run in the value; None for equal weights."""
     scenes: bool = False
-    """Whether each part is a scene, and not a run."""
+    """Whether each influence is that of a scene, and not of a run."""
     skewed: bool = False
     """Whether few runs decide the value, so that its interval is stretched by their skewness."""
     fewest: float = 2
-    """Least number of runs for a calibrated interval."""
+    """Least number of runs with which the interval of one tracker is calibrated."""
     in_time: bool = False
-    """Whether the parts are successive stretches of time, so that neighbours may be correlated."""
+    """Whether the influences are those of successive stretches of time, so that neighbours may be correlated."""
     few_decide: bool = False
-    """Whether one scene of a hundred may decide the value."""
+    """Whether rare scenes, one in a hundred, may decide which of two trackers has the larger value."""
     of_stretches: bool = False
-    """Whether the parts are stretches of single runs, over which two values are compared."""
+    """Whether the influences are those of stretches of single runs; two such values are compared stretch by stretch."""
     counted: Counted | None = None
-    """Kind of a counted value, whose interval has the limits of counts; None for other values."""
+    """Kind of a counted value, share or rate, whose interval has the limits of counts; None for other values."""
     repeats: float = 1.0
-    """Mean number of runs of each part."""
+    """Mean number of runs that each influence stands for: above 1 where scenes have several runs."""
     sparse: bool = False
-    """Whether parts of weight 0 tell nothing of the value, so that its interval rests on the others alone."""
+    """Whether runs or scenes of weight 0 tell nothing of the value, so that the interval rests on the others alone."""
     details: tuple[tuple[str, float], ...] = ()
-    """Further fields of the value in a result: name and number."""
+    """Further fields of the metric in a result, each with name and number."""
     power: float = 1.0
     """Exponent that makes the value from a mean: one half for a root mean square."""
 
     @property
     def corrected(self) -> Array:
-        """Influence, corrected as in the jackknife for runs or scenes with large weights.
+        """Influence of each run or scene, enlarged for those with a large weight, as in the jackknife.
 
         Source: Bell and McCaffrey (2002), "Bias reduction in standard errors for linear regression with multi-stage
         samples".
@@ -125,17 +125,17 @@ class Interval(NamedTuple):
 
     @property
     def constant(self) -> bool:
-        """Whether every run, or scene, contributes the same, so that nothing is known of their variation."""
+        """Whether all runs, or scenes, contribute the same, so that their variation is unknown."""
         return bool(np.abs(self.influence).max(initial=0.0) <= ROUNDING * abs(self.value))
 
     def only(self, there: Mask) -> Interval:
-        """Return the interval from the parts ``there`` ``(parts,)``, if all others have weight 0."""
+        """Return the interval from the runs or scenes ``there`` ``(parts,)`` alone; all others must have weight 0."""
         weight = None if self.weight is None else self.weight[there]
         return self._replace(influence=self.influence[there] * there.mean(), weight=weight)
 
     @property
     def telling(self) -> Mask:
-        """Mask ``(parts,)`` of the parts with a weight; others, such as scenes without an event, tell nothing."""
+        """Mask ``(parts,)`` of the parts with a weight above 0; others, as a scene without an event, tell nothing."""
         return np.ones(len(self.influence), dtype=bool) if self.weight is None else self.weight > 0
 
     @property
@@ -145,12 +145,12 @@ class Interval(NamedTuple):
 
     @property
     def parts(self) -> Parts:
-        """Number and kind of the parts."""
+        """Number and kind of the independent parts: runs, or scenes."""
         return Parts(len(self.influence), self.scenes, self.fewest)
 
     @property
     def stretch(self) -> Stretch:
-        """Factors on the reach of Student's interval: for scenes by their number, for skewed runs by their skewness.
+        """Factors by which the half widths of Student's interval are stretched, for few scenes or for skewed runs.
 
         Away from the limit, half the skewness of the influence over the root of the number of runs is added: Johnson
         (1978), "Modified t tests and confidence intervals for asymmetrical populations". Towards the limit the interval
@@ -170,7 +170,7 @@ class Interval(NamedTuple):
 
     @property
     def ci95(self) -> tuple[float, float] | None:
-        """95 % interval by Student's t; None with too few parts for a calibrated one, or where all runs are the same.
+        """95 % interval by Student's t; None with too few runs or scenes, or where all of them are the same.
 
         A value with a limit is transformed by the delta method: to the logarithm of the distance from a single limit,
         to the log-odds between two. Such values are skewed away from the limit, and Student's interval of the value
@@ -201,7 +201,7 @@ class Interval(NamedTuple):
         return self.value - reach, self.value + reach
 
     def as_value(self, unit: str) -> MetricValue:
-        """Return the value and its interval as an entry of a result."""
+        """Return the value and the interval as a result holds them."""
         if self.sparse:
             return self.only(self.telling)._replace(sparse=False).as_value(unit)
         ci95 = self.ci95
@@ -213,10 +213,10 @@ class Interval(NamedTuple):
 def ratio(
     total: Array, count: Array, *, at_least: float = -np.inf, at_most: float = np.inf, scenes: bool = False
 ) -> Interval:
-    """Return the mean of a quantity summed within each run, ``sum(total) / sum(count)``, by the delta method.
+    """Return ``sum(total) / sum(count)``, the mean of a quantity summed within each run, by the delta method.
 
     Args:
-        total: ``(runs,)`` sums.
+        total: ``(runs,)`` sum of the quantity in each run.
         count: ``(runs,)`` number of terms in each sum.
         at_least: lower limit of the mean: zero where no term can be negative.
         at_most: upper limit of the mean: one for a share.
@@ -227,7 +227,7 @@ def ratio(
 
 
 def root(mean_square: Interval) -> Interval:
-    """Return the root of a mean square, by the delta method."""
+    """Return the interval of a root mean square from the interval of the mean square, by the delta method."""
     value = float(np.sqrt(mean_square.value))
     slope, at_most = 0.5 / value if value > 0 else 0.0, float(np.sqrt(mean_square.at_most))
     influence, power = mean_square.influence * slope, 0.5 * mean_square.power
@@ -235,15 +235,15 @@ def root(mean_square: Interval) -> Interval:
 
 
 def positive_ends(value: float, reach: float, stretch: Stretch) -> tuple[float, float]:
-    """Return the interval of a positive value on the logarithmic scale; ``reach`` is half of the symmetric interval."""
+    """Return the ends of a positive value's interval on a logarithmic scale; ``reach``: half of the symmetric one."""
     reach = reach / value if value > 0 else 0.0
     return value * float(np.exp(-stretch.toward * reach)), value * float(np.exp(stretch.away * reach))
 
 
 def reach_of_ratio(total: float, count: float, square: float, product: float, count_square: float, runs: int) -> float:
-    """Return half of the symmetric 95 % interval of a :func:`ratio` whose runs are not kept; NaN below two runs.
+    """Return half of the symmetric 95 % interval of a ratio of sums over runs; NaN below two runs.
 
-    It takes the sums over runs of the totals, of the numbers of terms, and of their squares and product.
+    The arguments are sums over runs: of totals, of numbers of terms (``count``), of their squares and product.
     """
     if runs < 2:
         return float("nan")
@@ -253,7 +253,7 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: bool = False) -> Interval:
-    """Return the interval over scenes: runs of one scene share its traffic, and are not independent.
+    """Return the interval over scenes from that over runs: runs of one scene share traffic and are dependent.
 
     The standard error is cluster-robust (Liang and Zeger 1986, "Longitudinal data analysis using generalized linear
     models"). If all runs are of one scene, the interval over runs is returned, which holds for this scene alone.
@@ -272,9 +272,9 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: b
 
 
 def standard_errors(influences: Array, in_time: bool) -> Array:
-    """Return ``(k,)`` standard errors from influences ``(k, parts)``.
+    """Return ``(k,)`` standard errors from influences ``(k, parts)`` of runs, scenes or stretches of time.
 
-    For parts that follow each other in time, they are those of a first-order autoregressive process: a positive
+    For stretches that follow each other in time, they are those of a first-order autoregressive process: a positive
     autocorrelation of neighbours counts, up to one half, without its bias of one over the number of parts
     (Marriott and Pope 1954, "Bias in the estimation of autocorrelations").
     """

@@ -56,10 +56,10 @@ def _held(
 
 
 class ChargedEstimates:
-    """Estimates of a tracker with charged states in place of missing ones, some instants at a time, in order."""
+    """Estimates of a tracker with charged states in place of missing ones, for some instants at a time, in order."""
 
     def __init__(self, state: Array, expected: Mask, measured: Callable[[slice], Array] | None) -> None:
-        """Start before the first instant.
+        """Prepare for the first instant.
 
         Args:
             state: ``(4, instants, objects, runs or 1)`` the truth.
@@ -72,7 +72,7 @@ class ChargedEstimates:
         self._latest = np.full((4, math.prod(expected.shape[1:])), np.nan)
 
     def note(self, mean: Array, instant: int) -> None:
-        """Keep the estimates ``(4, batch)`` of an instant at which no expected one is missing."""
+        """Keep the estimates ``(4, batch)`` of an instant at which no expected estimate is missing."""
         self._latest = np.where(self._expected[instant].reshape(-1), mean, np.nan)
 
     def charge(self, mean: Array, given: Mask, instants: slice) -> None:
@@ -81,7 +81,7 @@ class ChargedEstimates:
         Args:
             mean: ``(4, instants, batch)`` estimates.
             given: ``(instants, batch)`` where the tracker gave an estimate.
-            instants: which instants they are.
+            instants: slice of the instants of these estimates.
         """
         expected = self._expected[instants].reshape(given.shape)
         if given[expected].all():
@@ -100,9 +100,9 @@ def held_estimates(latest: Array, mean: Array, given: Mask, expected: Mask) -> A
 
     Args:
         latest: ``(4, batch)`` latest estimates before these instants.
-        mean: ``(4, instants, batch)``.
-        given: ``(instants, batch)``.
-        expected: ``(instants, batch)``.
+        mean: ``(4, instants, batch)`` estimates at these instants.
+        given: ``(instants, batch)`` where the tracker gave an estimate.
+        expected: ``(instants, batch)`` where the object is in view.
     """
     every = np.concatenate([latest[:, None], np.where(expected, mean, np.nan)], axis=1)
     number = np.where(given | ~expected, np.arange(1, len(given) + 1)[:, None], 0)
@@ -113,7 +113,7 @@ def charged_states(truth: Array, measured: Array, held: Array) -> Array:
     """Return the states charged for missing estimates, ``(4, n)``: the worse position and the worse velocity.
 
     Args:
-        truth: ``(4, n)``.
+        truth: ``(4, n)`` true states.
         measured: ``(2, n)`` the latest measured position, m.
         held: ``(4, n)`` the tracker's latest estimate; NaN where it gave none before.
     """

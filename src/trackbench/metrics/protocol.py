@@ -31,17 +31,17 @@ class Target(NamedTuple):
     """Ground truth that the estimates of a block of runs are compared with, at each instant of a scan."""
 
     time: Array
-    """``(instants,)`` s."""
+    """``(instants,)`` time of each instant, s."""
     state: Array
-    """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
+    """``(4, instants, objects, runs or 1)`` true px, py, vx, vy."""
     alive: Mask
-    """``(instants, objects)``"""
+    """``(instants, objects)`` where the object exists."""
     due: Mask
     """``(instants, objects, runs)`` where a tracker should have an estimate, and is scored: the object is there, was
     detected, its track had time to settle, and a sensor has it in view or had it not long ago."""
     starting: Mask
-    """``(instants, objects, runs)`` first second after an object's first detection, or after its first detection since
-    it was out of view for long."""
+    """``(instants, objects, runs)`` first second after an object's first detection, also the first one since a long
+    loss of view."""
     divergence: float
     """Position error above which a run has diverged, m."""
     reference: Array
@@ -54,26 +54,27 @@ class Target(NamedTuple):
 
 @dataclass(frozen=True)
 class Scope:
-    """Block of runs, as a metric knows it before the first estimate or track; its arrays must not be changed."""
+    """What a metric knows of a block of runs before the first estimate or track; the arrays must not be changed."""
 
     tracker: str
     """Name of the tracker that is scored."""
     runs: int
     """Number of runs, or of stretches of a run that are scored separately."""
     bodies: EgoScene | None = None
-    """Ego and sizes of the objects."""
+    """Motion of the vehicle that carries the sensors, and sizes of the objects."""
     options: TrafficScoreOptions | None = None
     """Criteria by which a track is scored; None with known identities."""
     target: Target | None = None
     """Ground truth that estimates are compared with; None with hidden identities."""
     classes: Classes | None = None
-    """Result of :func:`trackbench.metrics.conditions.condition_classes`; None with hidden identities."""
+    """``(instants, objects, runs or 1)`` class of each estimate by manoeuvre, range, age and velocity jump; None with
+    hidden identities."""
     measurements: Mapping[str, int] = field(default_factory=dict)
-    """Number of instants of each sensor; empty with hidden identities."""
+    """Number of instants at which each sensor measures, by sensor; empty with hidden identities."""
     single: bool = False
     """Whether the block is a single run whose stretches of time stand for independent runs."""
     compute: Compute = by_numpy
-    """Function that computes equations."""
+    """Function that computes equations, by NumPy or by kernels."""
 
     @property
     def labelled(self) -> Target:
@@ -87,11 +88,12 @@ class Innovation(NamedTuple):
 
     instant: int
     whitened: Array | None
-    """``(m, batch)`` innovation in units of its own standard deviations; None where the tracker gives none."""
+    """``(m, batch)`` innovation in units of its standard deviations; None where the tracker gives no innovation."""
     used: Mask
     """``(batch,)`` where the measurement is valid and the estimate is scored."""
     due: Mask
-    """``(batch,)`` where an innovation should exist: it is used, and the tracker had an estimate before."""
+    """``(batch,)`` where an innovation should exist: the measurement is used, and the tracker had an estimate before
+    it."""
     log_density: Array | None = None
     """``(batch,)`` log density of the measurement under the prediction; None where the tracker gives no innovation, or
     no metric is ``of_density``."""
@@ -107,25 +109,26 @@ class Chunk:
 
     instants: slice
     time: Array
-    """``(instants,)`` s."""
+    """``(instants,)`` time of each instant, s."""
     truth: Array
-    """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
+    """``(4, instants, objects, runs or 1)`` true px, py, vx, vy."""
     mean: Array
-    """``(4, instants, batch)`` estimate; if missing, the state charged for it (``metrics.missing_estimates``)."""
+    """``(4, instants, batch)`` estimated px, py, vx, vy; for a missing estimate, the state charged for it."""
     covariance: Array
     """``(4, 4, instants, batch)`` covariance of the estimates that were given."""
     values: Array
-    """``(15, instants, batch)`` rows ``ERROR_FIELDS``, which the built-in metrics sum; 0 where not scored."""
+    """``(15, instants, batch)`` terms that the built-in metrics sum: squared errors, NEES and the other rows of
+    ``ERROR_FIELDS``; 0 where not scored."""
     scored: Mask
-    """``(instants, batch)`` where an estimate is due and its error counts; other arrays may hold anything elsewhere."""
+    """``(instants, batch)`` where an estimate is due and scored; elsewhere the other arrays may hold anything."""
     given: Mask
     """``(instants, batch)`` where the tracker gave an estimate; a score of covariances counts only there."""
     innovations: Mapping[str, Sequence[Innovation]]
     """Innovations by sensor, in order of time."""
     repaired: Array
-    """``(runs,)`` number of covariances that were repaired."""
+    """``(runs,)`` number of covariances that were repaired in each run."""
     seconds: float
-    """Time spent in the tracker."""
+    """Computing time of the tracker for these estimates, s."""
     steps: int
     """Number of steps of single objects in this time."""
 
@@ -137,7 +140,7 @@ class Chunk:
 
     @property
     def nees(self) -> Array:
-        """NEES, ``(instants, batch)``."""
+        """``(instants, batch)`` NEES of each estimate."""
         nees: Array = self.values[ERROR["nees"]]
         return nees
 
@@ -146,7 +149,7 @@ class Chunk:
         return len(self.repaired)
 
     def by_run(self, values: Array | float) -> Array:
-        """Sum values ``(instants, batch)`` over the scored estimates of each run, ``(runs,)``; 1 counts the errors."""
+        """Sum values ``(instants, batch)`` over each run's scored estimates, ``(runs,)``; the value 1 counts them."""
         total = np.where(self.scored, values, 0.0).sum(axis=0)
         return np.asarray(total.reshape(-1, self.runs).sum(axis=0))
 
@@ -158,7 +161,7 @@ class Chunk:
 
 
 class SquaredErrors(NamedTuple):
-    """Part of a ``Chunk`` that metrics with ``of_squares`` read."""
+    """Squared errors of a ``Chunk``, for metrics that read nothing else of it (``of_squares``)."""
 
     instants: slice
     squares: Array
@@ -170,7 +173,7 @@ class SquaredErrors(NamedTuple):
 
 
 class Fault(Exception):
-    """An estimate that cannot be scored."""
+    """Error for an estimate that cannot be scored: cause, instant, and member of the batch."""
 
     def __init__(self, cause: str, instant: int, member: int | None) -> None:
         super().__init__(cause)
@@ -180,14 +183,14 @@ class Fault(Exception):
 
 
 def raise_fault(cause: str, wrong: Mask, first: int) -> None:
-    """Raise a Fault at the first wrong estimate ``(instants, batch)``; ``first`` is the number of the first instant."""
+    """Raise a Fault at the first wrong estimate ``(instants, batch)``; ``first`` is the index of the first instant."""
     if np.any(wrong):
         step, member = np.argwhere(wrong)[0]
         raise Fault(cause, first + int(step), int(member))
 
 
 class Accumulator(Protocol):
-    """Sums over the estimates of one tracker that several metrics share, with the methods of :class:`Metric`."""
+    """Object that sums over a tracker's estimates for several metrics, with the methods of :class:`Metric`."""
 
     @property
     def name(self) -> str: ...
@@ -208,10 +211,11 @@ SENSOR = "<sensor>"
 
 
 class Field(NamedTuple):
-    """Value of a metric, or part of the value, that an expectation may name."""
+    """Value of a metric, or part of the value such as a verdict, that an expectation may name."""
 
     name: str
-    """Dotted path, with ``<sensor>`` for a sensor's name; of a part in ``Metric.fields``, its last component."""
+    """Dotted path, with ``<sensor>`` for a sensor's name; for an entry of ``Metric.fields``, the last component of the
+    path."""
     meaning: str
     words: tuple[str, ...] = ()
     """Possible values of a verdict; empty for a number."""
@@ -219,9 +223,9 @@ class Field(NamedTuple):
     """Unit: "1" for a number without one, "" for a word."""
     better: Direction | None = None
     compared: bool = False
-    """Whether two trackers are compared by it, run by run (``better_than``)."""
+    """Whether two trackers are compared by this value, run by run (``better_than`` in an expectation)."""
     needs: Set[str] = frozenset()
-    """Members of ``PROPERTIES`` that a scenario must have."""
+    """Properties that a scenario must have: known ("labels") or hidden ("tracks") identities, "truth" or "no truth"."""
 
     @property
     def per_sensor(self) -> bool:
@@ -245,53 +249,52 @@ class Metric(Config):
     name: ClassVar[str]
     """Dotted path in a tracker's metrics."""
     unit: ClassVar[str]
-    """Unit; "1" for a number without one."""
+    """Unit of the value; "1" for a number without one."""
     meaning: ClassVar[str]
     """Meaning in one line."""
     needs: ClassVar[Set[str]] = frozenset({"labels", "truth"})
-    """Members of ``PROPERTIES`` that a scenario must have."""
+    """Properties that a scenario must have: known ("labels") or hidden ("tracks") identities, "truth" or "no truth"."""
     better: ClassVar[Direction | None] = None
-    """Better direction; None where neither is better."""
+    """Whether smaller or larger values are better; None where neither is."""
     ranks: ClassVar[bool] = False
-    """Whether trackers are ranked by it by default."""
+    """Whether trackers are ranked by the metric by default."""
     compared: ClassVar[bool] = True
-    """Whether trackers are compared by it, run by run, where one direction is better."""
+    """Whether trackers are compared by the metric, run by run, where one direction is better."""
     per_sensor: ClassVar[bool] = False
-    """Whether each sensor has a value."""
+    """Whether the metric has one value for each sensor."""
     fields: ClassVar[tuple[Field, ...]] = ()
-    """Parts of the value that an expectation may name."""
+    """Parts of the value that an expectation may name, such as its verdict."""
     value_name: ClassVar[str] = ""
     """Name of the value in an expectation; empty where the metric's path is enough."""
     shared: ClassVar[Accumulator | None] = None
-    """Accumulator of the sums; None where the metric has its own."""
+    """Accumulator whose sums several metrics share; None where the metric has sums of its own."""
     of_squares: ClassVar[bool] = False
     """Whether ``update`` reads no more of a chunk than :class:`SquaredErrors` have."""
     of_density: ClassVar[bool] = False
     """Whether ``update`` reads the log densities of innovations."""
     at_least: ClassVar[float] = -np.inf
-    """Lower limit of the mean over runs."""
+    """Smallest possible mean over runs."""
     at_most: ClassVar[float] = np.inf
-    """Upper limit of the mean over runs."""
+    """Largest possible mean over runs."""
 
     @property
     def accumulator(self) -> Accumulator:
-        """Accumulator of the sums of this metric."""
         return self.shared or self
 
     def reference_axes(self, path: str, sums: Any) -> float:
-        """Return how often the squared error of the reference along an axis is part of the squared value."""
+        """Return how many axes of the reference's squared error are contained in the metric's squared value."""
         return AXES.get(path, 0.0)
 
     def init(self, scope: Any) -> Any:
-        """Return the sums before the first chunk of a block of runs."""
+        """Return the sums with which a block of runs starts, before its first estimate or track."""
         raise NotImplementedError
 
     def update(self, sums: Any, chunk: Any) -> Any:
-        """Return the sums with one more chunk; they may be changed in place."""
+        """Return the sums with one more chunk of estimates, or run of tracks; they may be changed in place."""
         raise NotImplementedError
 
     def close(self, sums: Any) -> Any:
-        """Return the sums of a block to be kept after its last chunk."""
+        """Return what is kept of the sums of a block after its last chunk."""
         return sums
 
     def merge(self, blocks: Sequence[Any]) -> Any:
@@ -300,21 +303,21 @@ class Metric(Config):
 
     @abstractmethod
     def finish(self, sums: Any) -> Outcome | Mapping[str, Outcome]:
-        """Return the value from the merged sums of all runs; by sensor if each has one.
+        """Return the value from the merged sums of all runs; a mapping by sensor if ``per_sensor``.
 
         A mean over runs is an :class:`~trackbench.metrics.Interval`: its confidence interval, and the differences
         between trackers, follow from the influence of each run.
         """
 
     def without_charged(self, sums: Any) -> tuple[float, float] | None:
-        """Return the share of the squared error that is charged for missing estimates, and the value without it.
+        """Return the share of the squared error charged for missing estimates, and the value without this charge.
 
         None where no estimate is missing or none was given, and for a metric without such a charge.
         """
         return None
 
     def no_value(self, reason: str) -> MetricValue:
-        """Return the entry of a result for a missing value."""
+        """Return the metric's entry in a result without a value, with the reason."""
         return MetricValue(unit=self.unit, reason=reason)
 
     @property
@@ -325,17 +328,17 @@ class Metric(Config):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the table of runs from which the metric follows: values, number of terms, and others.
+        """Columns of the table of runs from which the metric follows: value, number of terms, and others.
 
         Empty where the metric does not follow from runs.
         """
         return () if self.shared is not None or self.per_sensor else (run_column(self.name),)
 
     def in_runs(self, path: str, sums: Any, interval: Interval | None, runs: int) -> dict[str, Array]:
-        """Return the columns ``(runs,)`` of the table of runs for a metric with sums of its own.
+        """Return the metric's columns ``(runs,)`` of the table of runs, if no other metric shares its sums.
 
         Args:
-            path: path of the value, or of its value for a sensor.
+            path: path of the value; with one value per sensor, path of the value for a sensor.
             sums: the merged sums.
             interval: interval of the value; None where the value is no mean over runs.
             runs: number of runs.
@@ -343,14 +346,14 @@ class Metric(Config):
         return {run_column(path): np.full(runs, np.nan) if interval is None else interval.value + interval.influence}
 
     def of_runs(self, *columns: Array) -> Interval | None:
-        """Compute the metric from its ``columns`` ``(runs,)`` of some runs; None where there is nothing to compare."""
+        """Compute the metric over some runs from its ``columns`` ``(runs,)``; None if nothing can be compared."""
         (values,) = columns
         if not np.isfinite(values).all():
             return None
         return ratio(values, np.ones(len(values)), at_least=self.at_least, at_most=self.at_most)
 
     def entries(self) -> list[Field]:
-        """Return the fields that an expectation may name."""
+        """Return the metric's values, and parts of them such as a verdict, that an expectation may name."""
         path = f"{self.name}.{SENSOR}" if self.per_sensor else self.name
         compared = self.compared and self.better is not None
         value = Field(self.path, self.meaning, (), self.unit, self.better, compared, self.needs)
@@ -362,7 +365,7 @@ class Metric(Config):
 
 
 def run_column(path: str) -> str:
-    """Return the column of the table of runs for a metric with sums of its own.
+    """Return the name of the metric's column in the table of runs, if no other metric shares its sums.
 
     The mean of the column is the metric, unless another column has numbers of terms.
     """

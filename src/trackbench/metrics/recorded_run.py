@@ -21,7 +21,7 @@ STATE = ["px_m", "py_m", "vx_mps", "vy_mps"]
 
 @dataclass(frozen=True)
 class EstimateMoment:
-    """Estimate of an object by a tracker at one time, with its errors; None for an unknown error."""
+    """Estimate of one object by one tracker at one time, with its errors; an unknown error is None."""
 
     tracker: str
     object: str
@@ -38,7 +38,7 @@ class EstimateMoment:
 
 
 def recorded_estimates(result: Result) -> pd.DataFrame:
-    """Return the table of estimates with a column ``starting``; it may have no rows."""
+    """Return the table of estimates of the recorded run, with a column ``starting``; it may have no rows."""
     frame = table_frame(result.tables.estimates, "due", *EstimateMoment.__dataclass_fields__)
     of_track, due = [frame["tracker"], frame["object"]], frame["due"] > 0
     begins = due & ~due.groupby(of_track).shift(fill_value=False)
@@ -86,7 +86,7 @@ def table_frame(table: pa.Table, *required: str) -> pd.DataFrame:
 
 
 def latest_rows(frame: pd.DataFrame, time: float, *keys: str) -> pd.DataFrame:
-    """Return the last row up to a time, s, for each combination of ``keys``."""
+    """Return the last row up to a time, s, for each combination of values of the columns ``keys``."""
     return frame[frame["time_s"] <= time + 1e-9].groupby(list(keys), sort=False).tail(1)
 
 

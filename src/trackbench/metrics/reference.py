@@ -32,12 +32,13 @@ LEAST_VELOCITY = 1.0
 
 @dataclass(frozen=True)
 class BoundStart:
-    """Prior knowledge of a target before its first measurement."""
+    """What a tracker knows of a target before the first measurement, as standard deviations."""
 
     velocity_sigma: float
-    """m/s, per axis."""
+    """Standard deviation of the velocity, m/s per axis."""
     position_sigma: float | None = None
-    """m, per axis; None where tracks start from their first measurement, and the position is unknown before it."""
+    """Standard deviation of the position, m per axis; None where tracks start from their first measurement, and the
+    position is unknown before it."""
 
 
 def typical_acceleration(truths: Sequence[Truth]) -> float:
@@ -67,13 +68,13 @@ class Information(NamedTuple):
     """Fisher information on the position and velocity of the targets in the measurements of one sensor."""
 
     steps: Indices
-    """``(measurements,)`` indices of the truth's steps."""
+    """``(measurements,)`` index of the truth's step at which each measurement is taken."""
     root: Array
     """``(rank, 4, measurements, objects)`` matrix ``A`` with the information ``A^T A = E[H^T R^-1 H]``."""
 
 
 def information(sensor: IdealSensor, truth: Truth) -> Information:
-    """Return the Fisher information of each measurement of a sensor.
+    """Return the Fisher information on position and velocity in each measurement of a sensor.
 
     It is an expectation over the motion of the targets: the mean over the runs in which the sensor can see the target.
     If the truth is the same in every run, it is the information along the truth.
@@ -103,7 +104,7 @@ class ConditionalBound:
     Args:
         truth: the motion of the targets.
         sensors: information of each sensor that the tracker uses, by name.
-        acceleration_sigma: m/s^2 per axis.
+        acceleration_sigma: standard deviation of the acceleration, m/s^2 per axis.
         start: prior knowledge before the first measurement.
         instants: ``(instants,)`` indices of the truth's steps at which the bound is computed; they include those of all
             measurements.
@@ -143,11 +144,11 @@ class ConditionalBound:
                 latest = step if reading else latest
 
     def of_runs(self, valid: Mapping[str, Mask], compute: Compute = by_numpy) -> Array:
-        """Return the bound of some runs.
+        """Return the Cramér-Rao bound of position and velocity in some runs.
 
         Args:
-            valid: by sensor ``(measurements, objects, runs)``, where there is a measurement.
-            compute: how equations are computed.
+            valid: by sensor, mask ``(measurements, objects, runs)`` of the measurements that the runs have.
+            compute: function that computes equations.
 
         Returns:
             ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each
@@ -179,7 +180,6 @@ class ConditionalBound:
         return result
 
     def _by_kernels(self, kernels: Kernels, masks: Mapping[str, Mask]) -> Array | None:
-        """Return the bound by one sequence of calls; None where NumPy has to compute it."""
         from trackbench.engine.sequences import CallSequence, place
 
         instants, objects = self._shape
@@ -211,7 +211,7 @@ class ConditionalBound:
 
 
 def _process_noise(acceleration_sigma: float, times: Array) -> Array:
-    """Return the process noise ``(4, 4)`` from the first to the last time; each but the last has a new acceleration."""
+    """Return the process noise ``(4, 4)`` over the times; at each but the last a new random acceleration is drawn."""
     dt = np.diff(times)
     moved = dt * (times[-1] - times[1:] + 0.5 * dt)
     per_axis = np.array([[moved @ moved, moved @ dt], [moved @ dt, dt @ dt]])
@@ -261,7 +261,6 @@ MEASUREMENT = Equations(
 
 
 def _mean_information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
-    """Average the information ``(objects, 4, 4)`` of one measurement over the runs that can have it."""
     pose, velocity = sensor.pose[:, measurement], sensor.velocity[:, measurement]
     h = SENSOR_MODELS[sensor.config.type].jacobian(target, pose, velocity)
     h = np.broadcast_to(linalg.expand(h, target[None]), (len(h), *target.shape))

@@ -27,12 +27,12 @@ _EVERY: tuple[Metric, ...] = (*BUILT_IN, *TRACK_METRICS.values(), *DETECTION_MET
 
 
 def metrics_for(properties: Set[str]) -> tuple[Metric, ...]:
-    """Return the built-in metrics of a scenario with these members of ``PROPERTIES``."""
+    """Return the built-in metrics of a scenario with these properties, such as ``labels`` and ``truth``."""
     return tuple(metric for metric in _EVERY if metric.needs <= properties)
 
 
 def ranking_path(metrics: Iterable[Metric]) -> str:
-    """Return the path of the metric that ranks trackers."""
+    """Return the dotted path of the one metric that ranks trackers."""
     return next(metric.path for metric in metrics if metric.ranks)
 
 
@@ -41,7 +41,7 @@ def metric_paths(own: Iterable[Metric | type[Metric]] = (), properties: Set[str]
 
     Args:
         own: metrics beside the built-in ones.
-        properties: members of ``PROPERTIES`` that the scenarios have.
+        properties: properties of the scenarios: ``labels`` or ``tracks``, ``truth`` or ``no truth``.
     """
     fields: dict[str, Field] = {}
     every = (metric if isinstance(metric, Metric) else metric.model_construct() for metric in (*_EVERY, *own))

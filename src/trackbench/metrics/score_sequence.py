@@ -15,13 +15,13 @@ from trackbench.metrics.sums import ERROR_FIELDS, NIS_FIELDS
 
 
 class ScoreSequence:
-    """Scores of estimates at successive instants.
+    """Sums of the scores of estimates at successive instants, made by a sequence of kernel calls.
 
     Args:
         target: ground truth that the estimates are compared with.
         classes: ``(instants, objects)`` number of the class of each object.
         count: number of classes.
-        instants: which instants.
+        instants: slice of the instants.
     """
 
     def __init__(self, target: Target, classes: Indices, count: int, instants: slice) -> None:
@@ -31,12 +31,12 @@ class ScoreSequence:
         self._classes = classes[instants]
         self._per_step = np.zeros((len(ERROR_FIELDS), steps, WIDTH))
         self.by_class = np.zeros((len(ERROR_FIELDS) + len(BEYOND), count, runs))
-        """Sums of each class in each run: rows ``ERROR_FIELDS``, and the number of NEES beyond each point."""
+        """Sums of squared errors, NEES and so on by class and run, with the number of NEES beyond each point."""
         self._squares = np.empty((2, *self._shape))
         self._definite, self._bounded = np.empty((2, *self._shape), dtype=bool)
 
     def add(self, sequence: CallSequence, at: Indices, mean: ArrayPlace, covariance: ArrayPlace) -> bool:
-        """Add the calls ``(instants,)`` that score estimates to a sequence; return whether a kernel exists for them."""
+        """Add the kernel calls numbered ``at`` that score estimates; return whether a kernel exists for them."""
         instants, runs = np.arange(self.instants.start, self.instants.stop), self._shape[2]
         row_numbers, by_class = np.arange(len(instants)), self.by_class
         inputs = {
@@ -56,17 +56,17 @@ class ScoreSequence:
         return sequence.compute(SCORES, at, inputs, outputs)
 
     def due(self, instants: Indices) -> ArrayPlace:
-        """Return the place of the mask of due estimates at instants, which are numbered from the first one."""
+        """Return the addresses of the masks of due estimates at some instants, counted from the first one."""
         return place(self._target.due, 0, self.instants.start + instants)
 
     @property
     def sound(self) -> bool:
-        """Whether all estimates could be scored."""
+        """Whether all estimates could be scored: finite, with positive definite covariances."""
         return bool(self._definite.all() and self._bounded.all())
 
     @property
     def per_step(self) -> Array:
-        """``(15, instants)`` sums, rows ``ERROR_FIELDS``."""
+        """``(15, instants)`` sums over objects and runs of errors, NEES and the other rows of ``ERROR_FIELDS``."""
         return total_of_vectors(self._per_step)
 
     @property
@@ -76,7 +76,7 @@ class ScoreSequence:
 
 
 class InnovationSequence:
-    """Sums over the innovations of a sensor at successive measurements.
+    """Sums over the innovations of a sensor at successive measurements, made by kernel calls.
 
     Args:
         white: ``(m, batch)`` whitened innovations of the last measurement before the sequence.
@@ -94,10 +94,10 @@ class InnovationSequence:
         self._slots = 1 + np.arange(count) % 2
         self._per_step, self.per_run = np.zeros((len(NIS_FIELDS), count, WIDTH)), np.zeros((len(NIS_FIELDS), shape[1]))
         self.white = place(self._white, 1, self._slots)
-        """Places that the caller fills with the whitened innovations of each measurement."""
+        """Addresses to which the caller writes the whitened innovations of each measurement."""
 
     def add(self, sequence: CallSequence, at: Indices, valid: ArrayPlace, due: ArrayPlace) -> bool:
-        """Add the calls ``(count,)`` that sum innovations to a sequence; return whether a kernel exists for them."""
+        """Add the kernel calls numbered ``at`` that sum innovations; return whether a kernel exists for them."""
         number, before = np.arange(len(at)), np.concatenate([[0], self._slots[:-1]])
         inputs = {"white": self.white, "valid": valid, "due": due}
         inputs |= {"white_before": place(self._white, 1, before), "used_before": place(self._used, 0, before)}
@@ -110,10 +110,10 @@ class InnovationSequence:
 
     @property
     def per_step(self) -> Array:
-        """``(7, count)`` sums, rows ``NIS_FIELDS``."""
+        """``(7, count)`` sums at each measurement: number of innovations, NIS and the other rows of ``NIS_FIELDS``."""
         return total_of_vectors(self._per_step)
 
     @property
     def latest(self) -> tuple[Array, Mask]:
-        """Whitened innovations ``(m, batch)`` of the last measurement, and the mask of those that count."""
+        """Whitened innovations ``(m, batch)`` of the last measurement, and which of them are scored."""
         return self._white[:, self._slots[-1]].reshape(len(self._white), -1), self._used[self._slots[-1]].reshape(-1)

@@ -37,7 +37,7 @@ BEFORE_SEQUENCES = 8
 
 
 class Scorer:
-    """Scorer of one tracker's estimates on one block of runs; ``close`` returns the sums at the end."""
+    """Scorer of one tracker's estimates in one block of runs; ``close`` returns the sums at the end."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class Scorer:
 
         Args:
             target: ground truth that the estimates are compared with.
-            classes: result of :func:`trackbench.metrics.conditions.condition_classes`.
+            classes: class of each object by condition, ``(instants, objects, runs or 1)``.
             measurements: number of instants of each sensor.
             tracker: name of the tracker.
             single: whether the block is a single run whose stretches of time stand for independent runs.
@@ -126,7 +126,7 @@ class Scorer:
         self._steps += scan.valid.size
 
     def estimate(self, estimate: Estimate) -> None:
-        """Add the estimate after the last scan of an instant; score the waiting ones at the end of a chunk.
+        """Add the estimate after the last scan of an instant; score all that wait once a chunk is full.
 
         Raises:
             Fault: an estimate cannot be scored.
@@ -140,12 +140,12 @@ class Scorer:
 
     @property
     def waits(self) -> bool:
-        """Whether estimates wait to be scored."""
+        """Whether there are estimates that are added but not scored yet."""
         return self._filled > 0
 
     @cached_property
     def kernels(self) -> Kernels | None:
-        """Kernels that can score instants in sequences of calls; None if none can."""
+        """Kernels that score several instants in one sequence of calls; None where NumPy scores them."""
         accumulators_left = dict(self._accumulators)
         if accumulators_left.pop(ESTIMATES.name, None) is None or self._classes.shape[-1] > 1:
             return None
@@ -156,7 +156,7 @@ class Scorer:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Number of objects, number of runs."""
+        """Number of objects and number of runs."""
         return self._objects, self._runs
 
     @property
@@ -169,21 +169,20 @@ class Scorer:
         return not (self._expected[instants] & ~started).any()
 
     def sequence(self, instants: slice) -> ScoreSequence:
-        """Return the scores of the next instants, to be made by a sequence of calls."""
+        """Return empty scores of the next instants, to be filled by a sequence of kernel calls."""
         from trackbench.metrics.score_sequence import ScoreSequence
 
         classes, count = self._sums[ESTIMATES.name].classes
         return ScoreSequence(self._target, classes[..., 0], count, instants)
 
     def innovations(self, sensor: str) -> Innovations:
-        """Return the sums over the innovations of a sensor."""
         innovations: Innovations = self._sums[ESTIMATES.name].innovations(sensor)
         return innovations
 
     def take_sequence(
         self, scores: ScoreSequence, repaired: Array, latest: Array, given: Mask, spent: tuple[float, int]
     ) -> None:
-        """Add the scores of a sequence of calls.
+        """Add the scores of instants that a sequence of kernel calls has scored.
 
         Args:
             scores: scores at the next instants.
@@ -206,11 +205,11 @@ class Scorer:
         self._charged.note(np.where(given, latest, np.nan), instants.stop - 1)
 
     def close(self) -> dict[str, Any]:
-        """Return the sums of all scored estimates, by name of the accumulator."""
+        """Return the sums over all scored estimates, by name of the accumulator."""
         return {name: accumulator.close(self._sums[name]) for name, accumulator in self._accumulators.items()}
 
     def score(self) -> None:
-        """Score the waiting estimates.
+        """Score the estimates that were added since the last scoring.
 
         Raises:
             Fault: an estimate is not finite, a covariance not positive definite, or an error too large.
@@ -266,7 +265,6 @@ class Scorer:
         return slice(self._first, self._first + self._filled)
 
     def _estimates(self) -> dict[str, Array]:
-        """Return the waiting estimates with the batch axes ``(instants, objects, runs)``."""
         shape = self._filled, self._objects, self._runs
         mean, covariance = self._mean[:, : self._filled], self._covariance[:, :, : self._filled]
         return {"mean": mean.reshape(4, *shape), "covariance": covariance.reshape(4, 4, *shape)}

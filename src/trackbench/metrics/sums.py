@@ -42,23 +42,26 @@ STRETCHES, SHORTEST = 20, 4.0
 
 
 def stretch_numbers(instants: int, duration: float) -> Indices:
-    """Return the stretch number of each instant of a run of so many seconds, ``(instants,)``."""
+    """Return the number of the stretch of time that each instant of a run of ``duration`` s is in, ``(instants,)``."""
     count = min(STRETCHES, max(1, int(duration / SHORTEST)))
     return np.arange(instants) * count // max(instants, 1)
 
 
 @dataclass
 class NisScores:
-    """Sums over the innovations of one sensor."""
+    """Sums over the innovations of one sensor: number, NIS, and products of successive ones for the autocorrelation."""
 
     dof: int
-    """Dimension of the innovation; 0 while the tracker gave none."""
+    """Number of components of the innovation; 0 while the tracker has given none."""
     per_step: Array
-    """``(7, measurements)`` sums over objects and runs, rows ``NIS_FIELDS``."""
+    """``(7, measurements)`` sums over objects and runs at each measurement: number of innovations, their NIS, and the
+    other rows of ``NIS_FIELDS``."""
     per_run: Array
-    """``(7, runs)`` sums over steps and objects, rows ``NIS_FIELDS``."""
+    """``(7, runs)`` sums over measurements and objects in each run: number of innovations, their NIS, and the other
+    rows of ``NIS_FIELDS``."""
     per_part: Array
-    """``(7, parts)`` sums within the independent parts of ``BlockScores``."""
+    """``(7, parts)`` sums in each independent part (scene, run or stretch of a run): number of innovations, their NIS,
+    and the other rows of ``NIS_FIELDS``."""
 
 
 @dataclass
@@ -69,13 +72,15 @@ class ClassSums:
     """
 
     total: Array
-    """Sums; the first field is the number of errors."""
+    """``(fields, conditions)`` sum of each field over all estimates: number of errors, squared errors, NEES, and number
+    of NEES beyond each point of chi-square."""
     square: Array
-    """Squared sum of each part, added over parts."""
+    """Square of the sum of each field within a part (a run or scene), added over the parts."""
     product: Array
-    """Sum of each part times its number of terms, added over parts; the terms are errors, or estimates for a NEES."""
+    """Sum of each field within a part times the number of its terms there, added over the parts. The terms of a NEES
+    are given estimates, those of other fields are all errors."""
     parts: Array
-    """``(1, conditions)`` number of parts with an estimate under the condition."""
+    """``(1, conditions)`` number of independent parts (runs or scenes) with an estimate under the condition."""
 
 
 @dataclass
@@ -87,27 +92,27 @@ class BlockScores:
     """
 
     per_step: Array
-    """``(15, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(15, instants)`` sums over objects and runs, of squared errors, NEES and the other rows of ``ERROR_FIELDS``."""
     per_run: Array
-    """``(15, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    """``(15, runs)`` sums over instants and objects, of squared errors, NEES and the other rows of ``ERROR_FIELDS``."""
     per_part: Array
-    """``(15, parts)`` sums within independent parts, rows ``ERROR_FIELDS``."""
+    """``(15, parts)`` sums within independent parts, of squared errors, NEES and the other rows of ``ERROR_FIELDS``."""
     charged: Array
     """Portion of ``per_part`` that is charged for missing estimates."""
     due: Array
-    """``(runs,)`` number of instants and objects at which there should be an estimate."""
+    """``(runs,)`` number of estimates, over instants and objects, that a tracker should give."""
     diverged: Array
-    """``(runs,)`` 1 where an error exceeded the limit."""
+    """``(runs,)`` 1 where a position error exceeded the limit, else 0."""
     repaired: Array
-    """``(runs,)`` number of repaired covariances."""
+    """``(runs,)`` number of covariances that were repaired in each run."""
     nis: dict[str, NisScores]
-    """Sums of innovations by sensor."""
+    """Sums over the innovations of each sensor, by its name."""
     classes: list[tuple[int, ClassSums]]
-    """Number of runs and sums by condition of each merged block; a single entry once the parts are independent."""
+    """Number of runs, and sums under each condition, of each merged block; a single entry for all runs in the end."""
     stretches: list[int] | None = None
     """Number of stretches of each single run; None where runs are not cut into stretches."""
     scenes: bool = False
-    """Whether the parts are scenes."""
+    """Whether the independent parts are scenes."""
 
     @property
     def given(self) -> float:
@@ -122,7 +127,7 @@ class BlockScores:
 
 
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
-    """Merge the scores of consecutive blocks of runs in their order; later scenes may be shorter."""
+    """Merge the sums of consecutive blocks of runs in their order; the scenes of later blocks may be shorter."""
     first = blocks[0]
     by_run: dict[str, Any] = _joined(blocks, ("per_run", "per_part", "charged", "due", "diverged", "repaired"))
     return replace(
@@ -145,12 +150,11 @@ def _joined(parts: Sequence[Any], names: Sequence[str]) -> dict[str, Array]:
 
 
 def added(sums: Array, part: Indices) -> Array:
-    """Add up sums ``(rows, ...)`` within each part, to ``(rows, parts)``."""
+    """Sum ``(rows, columns)`` over the columns of each part, to ``(rows, parts)``; ``part``: that of each column."""
     return np.stack([np.bincount(part, row) for row in sums])
 
 
 def _total(parts: Sequence[Array]) -> Array:
-    """Add arrays whose last axes may differ in length, as if padded with zeros."""
     longest = max(part.shape[-1] for part in parts)
     total = np.zeros((*parts[0].shape[:-1], longest))
     for part in parts:

@@ -56,7 +56,7 @@ def mean_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
 
     Args:
         ci95: interval of the mean; None where there is none.
-        dof: mean of a consistent tracker.
+        dof: degrees of freedom, the mean of a consistent tracker.
     """
     return _consistency(ci95, dof * (1 - TOLERANCE), dof * (1 + TOLERANCE))
 
@@ -70,7 +70,7 @@ def doubtless_verdict(mean: float, parts: float, dof: int) -> str:
     Args:
         mean: mean NEES or NIS.
         parts: effective number of independent runs or scenes.
-        dof: mean of a consistent tracker.
+        dof: degrees of freedom, the mean of a consistent tracker.
     """
     total, freedom = mean * parts, dof * parts
     if chdtrc(freedom, total / (1 + TOLERANCE)) < DOUBT:
@@ -79,18 +79,18 @@ def doubtless_verdict(mean: float, parts: float, dof: int) -> str:
 
 
 def condition_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
-    """Return the verdict on a covariance from a mean under one condition, with tolerances ``BELOW`` and ``ABOVE``."""
+    """Return the verdict from a mean NEES under one condition; 25 % below ``dof`` and 50 % above are tolerated."""
     return _consistency(ci95, dof * (1 - BELOW), dof * (1 + ABOVE))
 
 
 def tail_limits(point: str, under_condition: bool = False, factor: float = 1.0) -> tuple[float, float]:
-    """Return the limits of the share of the NEES beyond a point, if the covariance is right within the tolerances.
+    """Return the least and largest share of NEES beyond a point, for a covariance that is right within the tolerances.
 
     The lower limit is 0 beyond the 99 % and 99.9 % points.
 
     Args:
-        point: name of a point in ``BEYOND``.
-        under_condition: whether the tolerances are ``BELOW`` and ``ABOVE``.
+        point: point of chi-square: ``95 %``, ``99 %`` or ``99.9 %``.
+        under_condition: whether the share is of the estimates under one condition; the tolerances are then wider.
         factor: factor by which the covariance is known to be too small.
     """
     place = dict(zip(BEYOND, beyond_points(4), strict=True))[point] / factor
@@ -100,7 +100,7 @@ def tail_limits(point: str, under_condition: bool = False, factor: float = 1.0) 
 
 
 def tail_verdict(ci95: tuple[float, float], point: str, under_condition: bool = False) -> str:
-    """Return the verdict on a share of the NEES beyond a point; ``heavy-tailed`` if above :func:`tail_limits`."""
+    """Return the verdict on the share of NEES beyond a point: ``heavy-tailed`` if above the tolerated share."""
     verdict = _consistency(ci95, *tail_limits(point, under_condition))
     return "heavy-tailed" if verdict == "optimistic" else verdict
 
@@ -140,7 +140,7 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
 
 
 def condition_verdicts(conditions: Mapping[str, ConditionScores]) -> list[ConditionVerdict]:
-    """Return the verdicts under each condition with enough estimates, and on the two halves of the NEES."""
+    """Return the verdicts under each condition with enough estimates, and on position and velocity alone."""
     judged = _judged(_conditions_by_name(conditions).items(), conditions[""].count)
     return [*judged, *_halves(conditions[""])]
 
@@ -216,7 +216,7 @@ def heavy_beside(
 
 
 def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
-    """Yield the verdicts on the NEES of the position and of the velocity, as one may hide the other in the sum."""
+    """Yield the verdicts on the NEES of position alone and of velocity alone; one may hide the other in their sum."""
     for name, nees in zip(HALVES, map(scores.metrics.get, ("nees_position", "nees_velocity")), strict=True):
         if scores.runs >= FEWEST_RUNS and nees and nees.value is not None and nees.ci95 and nees.dof:
             verdict = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
@@ -246,7 +246,7 @@ def _consistency(ci95: tuple[float, float] | None, low: float, high: float) -> s
 
 
 def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | None:
-    """Return 0 for an interval between two limits, 1 for one above them, -1 for one below them, else None."""
+    """Return 0 for an interval between two limits, 1 for one above both, -1 for one below both, else None."""
     if ci95 is None:
         return None
     if low <= ci95[0] and ci95[1] <= high:
@@ -269,7 +269,7 @@ _MORE_LARGE = "; large errors are more frequent than its mean NEES explains"
 
 
 def meaning(nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str:
-    """Explain the verdict on a NEES, with the conditions that alone show it, or with the estimates missing for one."""
+    """Explain the verdict on a NEES, with the conditions that alone show it, or the estimates that are missing."""
     verdict = nees.verdict or "undecided"
     if verdict == "undecided" and conditions:
         by_name, every = _conditions_by_name(conditions), conditions[""]
@@ -292,7 +292,7 @@ def meaning(nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str
 
 
 def only_where(nees: MetricValue, most: int = 2) -> str:
-    """Return where a covariance is off though its mean NEES is undecided: "braking, velocity alone"; else empty."""
+    """Return where a covariance is off, such as "braking", if its mean NEES is undecided; else an empty text."""
     word = nees.verdict
     if word not in ("optimistic", "pessimistic") or nees.ci95 is None or mean_verdict(nees.ci95, nees.dof or 4) == word:
         return ""
@@ -304,7 +304,7 @@ def only_where(nees: MetricValue, most: int = 2) -> str:
 
 
 def what_is_off(nees: MetricValue, most: int = 4, word: str | None = None) -> str:
-    """Return what is off, farthest first, and by how much: "turning 39.7, straight 2.9".
+    """Return under which conditions a covariance is off, farthest first, with mean NEES: "turning 39.7, straight 2.9".
 
     These are the conditions with a mean that is off; for a mixed verdict without any, the two furthest apart. For a
     heavy-tailed verdict, or if no mean is off, they are parts: "15 % beyond the 95 % point (5 % expected)".
@@ -337,7 +337,7 @@ def _parts_off(nees: MetricValue, word: str | None) -> list[str]:
 
 
 def part_text(part: PartVerdict) -> str:
-    """Return a part in words: "15 % beyond the 95 % point (5 % expected)", "1.9 along the motion (1 expected)"."""
+    """Return a verdict on a tail or direction in words, such as "15 % beyond the 95 % point (5 % expected)"."""
     if part.name in DIRECTIONS:
         return f"{mean_text(part.value)} {part.name} (1 expected)"
     return f"{100 * part.value:.2g} % {part.name} ({100 * part.expected:g} % expected)"

@@ -40,7 +40,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
 
 
 def consistency_table(result: Result) -> Table:
-    """Return the verdict on each covariance, the innovations of each sensor, and the NEES that are off."""
+    """Return a table of each tracker's covariance verdict, deviating NEES, and innovations by sensor."""
 
     def verdict(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")

@@ -1,4 +1,4 @@
-"""The summary of a run, for a terminal of 80 columns."""
+"""Summary of a run for a terminal: the answer, a table of trackers, notes and next steps."""
 
 from __future__ import annotations
 
@@ -57,18 +57,18 @@ OF_TRACKS = COLUMNS["hidden identities"][1:3] + COLUMNS["hidden identities"][4:5
 
 
 def kind_of(result: Result) -> str:
-    """Return the kind of a result, a key of ``COLUMNS``."""
+    """Return "known identities", "hidden identities" or "no truth", which decides the columns of the summary."""
     if result.summary.identities == "known":
         return "known identities"
     return "hidden identities" if result.summary.truth.known else "no truth"
 
 
 def summary_table(result: Result, room: int = 80) -> Table:
-    """Return the scored trackers with error, difference to the best, and verdict on the covariance or parts of GOSPA.
+    """Return a table of scored trackers: error, ratio to the best, and covariance verdict or parts of GOSPA.
 
     Args:
         result: a run with a truth.
-        room: characters of a line, for which the words on a covariance are shortened.
+        room: length of a line, characters, to which the words on a covariance are shortened.
     """
     trackers, path = result.scored, result.summary.headline
     values = [metric_of(tracker, path).value for tracker in trackers]
@@ -93,7 +93,7 @@ def summary_table(result: Result, room: int = 80) -> Table:
 
 
 def _covariances(trackers: Sequence[TrackerResult], room: int) -> list[Cell]:
-    """Return mean NEES and verdict of each covariance, with the verdict's conditions where ``room`` suffices."""
+    """Return a cell for each tracker: mean NEES and verdict, with its conditions if ``room`` characters suffice."""
     metrics = [metric_of(tracker, "nees") for tracker in trackers]
     means = [NOT_AVAILABLE if nees.mean is None else mean_text(nees.mean) for nees in metrics]
     width = max(map(len, means))
@@ -107,7 +107,7 @@ def _covariances(trackers: Sequence[TrackerResult], room: int) -> list[Cell]:
 
 
 def wide_table(result: Result) -> Table:
-    """Return the scored trackers with the columns that ``--wide`` shows."""
+    """Return a table of the scored trackers with the columns that ``--wide`` shows."""
     kind = kind_of(result)
     columns = [(TRACKER, _names(result))]
     columns += [(Column(h), _cells(result, path, digits, factor)) for h, path, digits, factor in COLUMNS[kind]]
@@ -126,7 +126,7 @@ _EIGHTHS = " ▏▎▍▌▋▊▉"
 
 
 def _bar(ratio: float) -> str:
-    """Return the bar of an error as a multiple of the smallest: "██", "██▌", "██████▶"."""
+    """Return a bar as long as ``ratio``, an error over the smallest error: "██", "██▌", "██████▶"."""
     eighths = round(8 * _LEAST * ratio)
     if eighths > 8 * _MOST:
         return "█" * _MOST + "▶"
@@ -134,7 +134,7 @@ def _bar(ratio: float) -> str:
 
 
 def _to_the_best(result: Result) -> list[Cell]:
-    """Return how much larger each error is than the best tracker's, and whether a difference is shown."""
+    """Return a cell for each scored tracker: its error relative to the best tracker's, and the verdict."""
     if not result.contenders:
         return [Cell("") for _ in result.scored]
     best, pairs, runs = result.contenders[0], Pairs(result), result.summary.runs
@@ -161,7 +161,7 @@ def ratio_text(ratio: float) -> str:
 
 
 def _cells(result: Result, path: str, digits: int, factor: float) -> list[Cell]:
-    """Return the cells of one metric; the position error of known objects has its interval."""
+    """Return a cell of one metric for each scored tracker; position errors of known objects have intervals."""
     trackers = result.scored
     metrics = [metric_of(tracker, path) for tracker in trackers]
     if path == "nees":
@@ -181,7 +181,7 @@ def print_summary(result: Result, console: Console, folder: Path | None = None, 
     Args:
         result: the run.
         console: console that prints.
-        folder: folder of the run, for the commands of the next steps; None prints none.
+        folder: folder of the run, which the commands for next steps name; None prints no next steps.
         wide: whether a second table shows velocity, reference, groups and step time.
     """
     print_hanging(console, "", Text(verdict_of_run(result), "bold"))
@@ -219,7 +219,7 @@ def _print_unranked(result: Result, console: Console) -> None:
 
 
 def _errors_of(tracker: TrackerResult) -> str:
-    """Return "; position RMSE 0.123 m, velocity RMSE 1.23 m/s", with the values that the tracker has."""
+    """Return a tracker's errors as "; position RMSE 0.123 m, velocity RMSE 1.23 m/s", without missing ones."""
     errors = [
         f"{path.replace('_rmse', ' RMSE')} {rounded(metric.value, decimals([metric.value]))} {metric.unit}"
         for path in ("position_rmse", "velocity_rmse")
@@ -275,7 +275,7 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
 
 
 def _notes(result: Result) -> list[str]:
-    """Return the notes under the table: point scored, divergence, headings, coverage, remarks and repairs."""
+    """Return the notes under the summary: scored point, divergence, headings, coverage, remarks and repairs."""
     trackers, summary = result.scored, result.summary
     remarked = [
         f"*: {text}" if text in (REMARKS["reference"], REMARKS["offline"]) else text for text in remarks(result)
@@ -304,7 +304,7 @@ _LARGE_RATIO, _LARGE_M = 10.0, 2.0
 
 
 def _large_errors(result: Result) -> list[str]:
-    """Return a note on the divergence limit if a run diverged, else on large errors of the recorded run."""
+    """Return a list with a note on the divergence limit if a run diverged, else on large errors of the recorded run."""
     limit = result.summary.score.divergence_m
     if any(tracker.health.diverged_runs for tracker in result.scored):
         return [f"diverged: number of runs with an error above {limit:g} m"] if limit else []
@@ -322,7 +322,7 @@ def _large_errors(result: Result) -> list[str]:
 
 
 def _wide_notes(result: Result) -> list[str]:
-    """Return the meanings of the wide table's headings, the basis of its intervals, and reasons for missing values."""
+    """Return notes on the wide table: meaning of headings, basis of intervals, reasons for missing values."""
     trackers, summary = result.scored, result.summary
     notes = []
     if summary.truth.known:

@@ -40,7 +40,7 @@ def mot_files(result: Result) -> Iterator[tuple[str, Callable[[], bytes]]]:
 
 
 def _objects(result: Result, time: Array) -> Array:
-    """Return rows of frame, id, box, whether the object counts, class and visibility."""
+    """Return MOTChallenge rows of the truth: frame, id, box, whether the object must be found, class, visibility."""
     truth = {name: rows for (name,), rows in split(result.tables.truth, "object").items()}
     rows = []
     for number, ((name,), due) in enumerate(split(result.tables.due, "object").items(), 1):
@@ -55,7 +55,7 @@ def _objects(result: Result, time: Array) -> Array:
 
 
 def _track_lines(result: Result, tracker: str, time: Array) -> bytes:
-    """Return rows of frame, id, box, existence probability, and three columns that have no meaning in the plane."""
+    """Return MOTChallenge lines of a tracker: frame, id, box, existence probability, and three unused columns."""
     table = result.tables.tracks
     if not table.num_rows:
         return b""
@@ -69,7 +69,7 @@ def _track_lines(result: Result, tracker: str, time: Array) -> bytes:
 
 
 def _boxes(result: Result, x: Array, y: Array) -> Array:
-    """Return left, top, width and height of squares around positions, ``(rows, 4)``, m."""
+    """Return equal squares around positions: left, top, width and height, ``(rows, 4)`` m."""
     side = SIDE * (result.summary.score.cutoff_m or 0.0)
     return np.column_stack([x - side / 2, y - side / 2, np.full((len(x), 2), side)])
 

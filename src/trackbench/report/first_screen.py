@@ -39,7 +39,7 @@ from trackbench.results import MetricValue, Result, TrackerResult
 
 
 def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
-    """Return the map of the recorded run; None without a true path or, with hidden identities, without a tracker."""
+    """Return the map of the recorded run; None if no truth or, with hidden identities, no tracker can be shown."""
     names = trackers_in_picture(result, shown)
     summary = result.summary
     if not summary.truth.known or (summary.identities == "hidden" and not names):
@@ -51,14 +51,14 @@ def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str,
 
 
 def trackers_in_picture(result: Result, shown: Sequence[TrackerStyle]) -> list[str]:
-    """Return the names of the best and the last drawn tracker that is neither a baseline nor a reference."""
+    """Return the names of the best and the last among ``shown`` that are neither baselines nor references."""
     filtering = {tracker.name for tracker in result.filtering}
     names = [style.name for style in shown if style.name in filtering]
     return list(dict.fromkeys([names[0], names[-1]])) if names else []
 
 
 def first_screen(result: Result, total: int, picture: Figure | None) -> Iterator[Block]:
-    """Yield the answer, the expectations, a small ranking beside the picture, and the unranked of ``total`` ones."""
+    """Yield the answer, the expectations, and a small ranking of ``total`` trackers beside ``picture``."""
     summary, missing = result.summary, result.unscored
     answer = answer_of_run(result)
     # A tracker's name keeps its small letter.
@@ -86,7 +86,7 @@ def first_screen(result: Result, total: int, picture: Figure | None) -> Iterator
 
 
 def next_step(result: Result) -> tuple[str, str]:
-    """Return the next question to ask, and the command that answers it in the folder of the run."""
+    """Return the most useful next question, and the command that answers it in the folder of the run."""
     if not result.summary.has_recording or any(x.outcome == "failed" for x in result.summary.expectations):
         inspect = "trackbench inspect . --worst 3"
     else:
@@ -118,7 +118,7 @@ def _argument_of_doctor(name: str, words: Sequence[str]) -> str:
 
 
 def _worst(result: Result) -> str:
-    """Return the tracker with the gravest fault (failed, diverged, worse than a baseline, wrong covariance), or ""."""
+    """Return the name of the tracker with the gravest fault: failed, diverged, worse than a baseline, inconsistent."""
     pairs, baselines = Pairs(result), [tracker.name for tracker in result.scored if tracker.baseline]
     candidates = [t for t in result.summary.trackers if not (t.baseline or t.is_reference or t.offline)]
 
@@ -137,7 +137,7 @@ _FAILED = 3
 
 
 def at_a_glance(result: Result, total: int) -> Table:
-    """Return error and covariance verdict of the drawn trackers, out of ``total``, best first, then the unranked."""
+    """Return a small ranking: error and covariance verdict, best first, then trackers that are not ranked."""
     trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals(metric.value for metric in metrics)
@@ -166,7 +166,7 @@ def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:
 
 
 def _judged(tracker: TrackerResult) -> Cell:
-    """Return the verdict on a covariance with the conditions where it fails; the mean NEES of tracks without one."""
+    """Return the verdict on a covariance and where it fails; if there is no verdict, the mean NEES of tracks."""
     nees = metric_of(tracker, "nees")
     if nees.value is None:
         return missing_cell(nees)

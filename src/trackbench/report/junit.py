@@ -29,19 +29,19 @@ LINE_BREAK = Markup("&#10;")
 
 @dataclass(frozen=True)
 class Case:
-    """Test case."""
+    """Test case of a JUnit file: an expectation, a limit, or that a tracker runs to the end."""
 
     name: str
     group: str
-    """Scenario and tracker, by which CI systems sort."""
+    """Scenario and tracker, "highway.ekf", by which CI systems group test cases."""
     outcome: GateOutcome = "passed"
-    """Outcome; a CI system shows an undecided case as skipped."""
+    """Outcome: passed, failed, error or undecided; a CI system shows an undecided case as skipped."""
     message: str = ""
 
 
 @dataclass(frozen=True)
 class Suite:
-    """Test cases of one scenario, or of one comparison."""
+    """Test cases of one scenario, or of one result against the baseline."""
 
     name: str
     cases: list[Case]
@@ -52,7 +52,7 @@ class Suite:
 
 
 def suite_of_run(result: Result) -> Suite:
-    """Return a test case for each tracker, which fails if the tracker did, and one for each expectation of a run."""
+    """Return the test cases of a run: one for each tracker, whether it ran to the end, and one for each expectation."""
     cases = []
     for tracker in result.summary.trackers:
         why = tracker.failed or result.why_suspect(tracker)
@@ -66,7 +66,7 @@ def suite_of_run(result: Result) -> Suite:
 
 
 def suites_of_comparison(comparison: Comparison) -> list[Suite]:
-    """Return a suite for each result after the baseline, with a test case for each limit."""
+    """Return a suite for each result but the baseline, with a test case for each limit."""
     suites = []
     gates = [item for group in comparison.groups for item in group.gates]
     for scenario in (scenario for group in comparison.groups for scenario in group.scenarios):
@@ -78,7 +78,7 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
 
 
 def _limit_case(limit: GateResult) -> Case:
-    """Return the test case of a limit on one tracker; it fails if the limit is undecided."""
+    """Return the test case of a limit on one tracker; an undecided limit fails."""
     name = f"{limit.entrant.tracker} {limit.metric} not worse by more than {limit.percent:g} %"
     outcome, message = limit.outcome, limit.text
     if outcome == "undecided":
@@ -87,7 +87,7 @@ def _limit_case(limit: GateResult) -> Case:
 
 
 def to_xml(suites: Sequence[Suite]) -> str:
-    """Return the text of the JUnit file, without the name of a machine."""
+    """Return the text of the JUnit file; it does not name the machine."""
     replacement = "\N{REPLACEMENT CHARACTER}"
     templates = environment(lambda text: escape(_FORBIDDEN.sub(replacement, text)).replace("\n", LINE_BREAK))
     written = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")

@@ -1,4 +1,4 @@
-"""The worst moments of the recorded run: the largest errors and, with hidden identities, the costliest events."""
+"""Worst moments of the recorded run: largest errors and, with hidden identities, costliest failures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def worst_moments(result: Result) -> dict[str, EstimateMoment]:
 
 
 def diverged_elsewhere(result: Result) -> str:
-    """Return which filters diverged in runs other than the recorded one: "Not shown: div diverged in run 7."."""
+    """Return a note on divergence in other runs than the recorded one: "Not shown: div diverged in run 7."."""
     runs: dict[str, list[int]] = {}
     filtering = {tracker.name for tracker in result.filtering}
     table = result.tables.if_there("runs")
@@ -39,12 +39,12 @@ def diverged_elsewhere(result: Result) -> str:
 
 
 def moment_text(moment: EstimateMoment) -> str:
-    """Return a moment in words: "3.18 m, v5 at 7.40 s"."""
+    """Return error, object and time of a moment: "3.18 m, v5 at 7.40 s"."""
     return f"{rounded(moment.position_error_m, 2)} m, {moment.object} at {rounded(moment.time_s, 2)} s"
 
 
 def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringed: Sequence[str]) -> Iterator[Section]:
-    """Yield a section on the worst moments of the trackers ``ringed`` in the map, with the commands that show them."""
+    """Yield a section on the largest errors of the trackers ``ringed`` in the map, with commands to examine them."""
     rows = [(name, moments[name]) for name in ringed if name in moments]
     if not rows:
         return
@@ -68,7 +68,7 @@ MOST_CAUSES = 16
 
 
 def events_section(result: Result) -> Iterator[Section]:
-    """Yield a section on each tracker's costliest event in the recorded run, and on the causes of all runs' events."""
+    """Yield a section on each tracker's costliest failure in the recorded run, and on the causes in all runs."""
     run = result.summary.recorded_run
     rows = [(tracker.name, events[0]) for tracker in result.scored if (events := events_of(result, tracker.name, run))]
     if not rows:

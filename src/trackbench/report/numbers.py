@@ -1,4 +1,4 @@
-"""Numbers as text, with as many decimals as a column needs, equal in the whole column."""
+"""Values as text, with equally many decimals in a whole column."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNSYMMETRIC = 0.25
 
 
 def decimals(values: Iterable[float | None], significant: int = 3) -> int:
-    """Return the decimals (0 to 4) that show the smallest value of a column to the significant digits."""
+    """Return how many decimals, 0 to 4, show a column's smallest value to ``significant`` digits."""
     sizes = [abs(value) for value in values if value is not None and value != 0]
     if not sizes:
         return significant - 1
@@ -21,12 +21,12 @@ def decimals(values: Iterable[float | None], significant: int = 3) -> int:
 
 
 def half_width(bounds: Sequence[float] | None) -> float | None:
-    """Return half the width of an interval, or None without one."""
+    """Return half the width of an interval; None if there is no interval."""
     return (bounds[1] - bounds[0]) / 2 if bounds else None
 
 
 def meaningful_decimals(value: float | None, bounds: Sequence[float] | None) -> int:
-    """Return the decimals of a value up to the first digit of its uncertainty; three digits without an interval."""
+    """Return how many decimals show a value to the first digit of its uncertainty, or to three digits without one."""
     half = half_width(bounds)
     return decimals([half], 1) if half else decimals([value])
 
@@ -62,7 +62,7 @@ def reach_text(value: float | None, bounds: Sequence[float] | None, places: int)
 
 
 def intervals_in_short(metrics: Sequence[MetricValue], places: int, scale: float = 1.0) -> list[str]:
-    """Return each metric's interval as "±0.006" or, if it is not symmetric, as "0.1-0.4" with few decimals."""
+    """Return the interval of each metric as "±0.006" or, if not symmetric, as "0.1-0.4" with few decimals."""
     scaled = [
         (None if m.value is None else scale * m.value, m.ci95 and (scale * m.ci95[0], scale * m.ci95[1]))
         for m in metrics
@@ -79,17 +79,17 @@ def intervals_in_short(metrics: Sequence[MetricValue], places: int, scale: float
 
 
 def signed(value: float, places: int) -> str:
-    """Return a value with its sign, also a plus."""
+    """Return a value with ``places`` decimals and its sign, also a plus."""
     return ("+" if value > 0 else "") + rounded(value, places)
 
 
 def percent(share: float | None, places: int = 0) -> str:
-    """Return a share as "95 %"; "n/a" for None."""
+    """Return a share, 0 to 1, as "95 %"; "n/a" for None."""
     return NOT_AVAILABLE if share is None else f"{rounded(100 * share, places)}\N{NO-BREAK SPACE}%"
 
 
 def percent_number(share: float | None, places: int = 0) -> str:
-    """Return a share as "95", for a column whose heading has the per cent sign."""
+    """Return a share, 0 to 1, as "95", for a column whose heading has the per cent sign."""
     return percent(share, places).removesuffix("\N{NO-BREAK SPACE}%")
 
 

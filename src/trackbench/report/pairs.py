@@ -12,7 +12,7 @@ from trackbench.results import Result
 
 
 def groups_of(names: Sequence[str], differ: Callable[[str, str], bool]) -> list[frozenset[str]]:
-    """Return groups such that two names share a group exactly if they do not differ, in order of first members.
+    """Return groups of names such that two names share a group exactly if they do not differ, in order of ``names``.
 
     Insert-and-absorb algorithm of Piepho, "An algorithm for a letter-based representation of all-pairwise
     comparisons", J. Comput. Graph. Stat. 13(2), 2004.
@@ -49,11 +49,11 @@ class Pair:
     """Verdict on the first tracker: ``better``, ``worse``, ``equivalent`` or ``undecided``; ``larger`` or ``smaller``
     if the difference is shown and neither tracker is called better."""
     margin: float
-    """Difference up to which it does not matter."""
+    """Largest difference that does not matter, in the metric's unit."""
 
 
 class Pairs:
-    """Judged differences of a run by the metric ``path``, or by the one that ranks, for two names in either order."""
+    """Judged differences of a run in one metric, for pairs of trackers in either order; default: the ranking metric."""
 
     def __init__(self, result: Result, path: str | None = None) -> None:
         path = path or result.summary.headline
@@ -81,7 +81,7 @@ class Pairs:
         return Pair(sign * item.value, ci95, word, item.margin)
 
     def differ(self, a: str, b: str) -> bool:
-        """Whether one of two trackers is called better: the difference is shown to exceed the margin."""
+        """Return whether one of two trackers is called better: the difference is shown to exceed the margin."""
         item = self._items.get((a, b)) or self._items.get((b, a))
         return item is not None and item.better is not None
 
@@ -90,11 +90,11 @@ class Pairs:
         return f"within {margin_words(pair.margin for other in others if (pair := self.get(name, other)))}"
 
     def has_undecided(self, name: str) -> bool:
-        """Whether a tracker is in a pair in which neither is called better."""
+        """Return whether in some pair with the tracker ``name`` neither is called better."""
         return any(name in names and item.better is None for names, item in self._items.items())
 
     def only_by_charges(self, names: Sequence[str]) -> dict[str, list[str]]:
-        """Return by tracker the trackers with larger errors only because of the charge for missing estimates."""
+        """Return, by tracker, the trackers whose error is larger only because of the charge for missing estimates."""
         larger_errors: dict[str, list[str]] = {}
         for (a, b), item in self._items.items():
             if item.turned and a in names and b in names:
@@ -104,7 +104,7 @@ class Pairs:
 
 
 def group_letters(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
-    """Return the letters of each tracker; two trackers share one exactly if neither is called better."""
+    """Return the letters of each tracker; two trackers share a letter exactly if neither is called better."""
     groups = groups_of(names, pairs.differ)
     gap = " " if len(groups) > len(ascii_lowercase) else ""
     return {name: gap.join(group_letter(i) for i, group in enumerate(groups) if name in group) for name in names}
@@ -116,16 +116,16 @@ class Standing:
 
     heading: str
     short: str
-    """Heading in a terminal."""
+    """Short heading, for a terminal."""
     meaning: str
     cells: list[str]
-    """Text for each scored tracker."""
+    """Text of the column for each scored tracker, best first."""
 
 
 def standing(result: Result) -> Standing:
-    """Return letters of groups if every pair is compared, else each tracker's verdict against one tracker.
+    """Return the column: letters of groups if every pair is compared, else verdicts against a single tracker.
 
-    A reference or a smoother is no competitor and has an empty cell.
+    A reference or a smoother does not compete and has an empty cell.
     """
     score, pairs = result.summary.score, Pairs(result)
     margin, names = margin_words(pairs.margins), [tracker.name for tracker in result.contenders if tracker.paired]

@@ -38,7 +38,7 @@ _SHORTEST_M = 1.0
 def replay_of_run(
     result: Result, styles: Sequence[TrackerStyle], chosen: Sequence[str], moments: Mapping[str, EstimateMoment]
 ) -> ReplayScene | None:
-    """Return the scene of the recorded run, which opens at its worst moment; None without a true path.
+    """Return the scene of the recorded run, which opens at its worst moment; None if no true path is known.
 
     Args:
         result: the run.
@@ -129,7 +129,7 @@ _NOISE = re.compile(r"([a-z ]+) (\S+) ")
 
 
 def _measurements(result: Result) -> Iterator[ReplayMeasurements]:
-    """Yield the measured positions of each sensor, with the covariance that the sensor states."""
+    """Yield the measured positions of each sensor, with covariances by the noise that the sensor states."""
     colours = sensor_colours(result.summary.sensors)
     for (sensor,), rows in split(result.tables.measurements, "sensor").items():
         has_position = rows["valid"].astype(bool) & np.isfinite(rows["x_m"])
@@ -204,12 +204,12 @@ def _worst_events(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, 
 
 
 def _start_at_largest(time: Array, value: Array) -> ReplayStart | None:
-    """Return a start at the time of the largest value, with the whole scene."""
+    """Return the opening at the time of the largest value, showing the whole scene; None without values."""
     return ReplayStart(float(time[np.argmax(value)]), "") if len(time) else None
 
 
 def _start_at_event(event: ReplayEvent, vehicles: Mapping[str, ReplayPath]) -> ReplayStart:
-    """Return a start at an event, with the nearest vehicle in the middle."""
+    """Return the opening at the time of an event, with the vehicle nearest to it in the middle."""
     distance_m = {
         name: float(np.hypot(*np.subtract(_position_at(path, event.time_s), event[3:5])))
         for name, path in vehicles.items()

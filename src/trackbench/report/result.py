@@ -32,7 +32,7 @@ from trackbench.results import Result
 
 
 def result_document(result: Result) -> Document:
-    """Return the report of a run."""
+    """Return the report of a run as a document."""
     trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
     styles = tracker_styles(result.places)
     shown = [styles[tracker.name] for tracker in result.drawn]
@@ -52,7 +52,7 @@ def result_document(result: Result) -> Document:
 def _sections(
     result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
 ) -> Iterator[Section]:
-    """Yield the sections between the verdict and the expectations."""
+    """Yield the sections of the report between its first screen and the expectations."""
     summary, scored = result.summary, result.scored
     if not summary.truth.known:
         for title, (note, paths) in _WITHOUT_TRUTH.items():
@@ -98,7 +98,7 @@ _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def _ranking(result: Result) -> Section:
-    """Return the ranking of the scored trackers, with the basis of intervals and verdicts, and remarks."""
+    """Return the section with the ranking of the scored trackers, the basis of its intervals, and remarks."""
     summary, column, pairs = result.summary, standing(result), Pairs(result)
     basis = f"Small print: 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
@@ -116,7 +116,7 @@ def _ranking(result: Result) -> Section:
 
 
 def _section(title: str, *blocks: Figure | Table | None, folded: bool = False) -> Iterator[Section]:
-    """Yield a section with the blocks that are not None beside each other; no section without any."""
+    """Yield a section with the blocks that are not None, side by side; yield nothing if all are None."""
     if present := tuple(block for block in blocks if block):
         yield Section(title, (Row(present),), folded)
 

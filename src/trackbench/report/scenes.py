@@ -1,4 +1,4 @@
-"""The scenes of a run one by one, and the basis of its intervals."""
+"""Errors in each scene of a run, and the independent parts over which its intervals are computed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ONE_RUN = "No intervals: a single run of one scene does not show what is chance"
 
 
 def runs_in_words(result: Result) -> str:
-    """Return the number of runs and scenes: "100 runs", "10 scenes of 20 runs", or "10 stretches of one log"."""
+    """Return the extent of a run in words: "100 runs", "10 scenes of 20 runs" or "10 stretches of one log"."""
     truth = result.summary.truth
     return parts_in_words(truth.scenes_in_words, result.summary.runs, len(truth.scenes))
 
@@ -36,7 +36,7 @@ def parts_in_words(scenes: str, runs: int, number: int) -> str:
 
 
 def basis_of_intervals(result: Result) -> str:
-    """Return the independent parts over which intervals are computed, such as "over 10 scenes"."""
+    """Return in words the independent parts over which intervals are computed, such as "over 10 scenes"."""
     noise = (result.summary.truth.model_extra or {}).get("recorded_noise", {})
     recorded = ", with the recording's own noise in those of errors" if any(noise.values()) else ""
     return _independent_parts(result) + recorded
@@ -58,7 +58,7 @@ def _independent_parts(result: Result) -> str:
 
 
 def values_of_few_scenes(result: Result) -> list[str]:
-    """Return lines with each tracker's error in each scene, if the scenes are too few for intervals; else nothing."""
+    """Return each tracker's errors by scene, a line each, if scenes are too few for intervals; else an empty list."""
     scenes = result.summary.truth.scenes
     if result.summary.identities == "hidden" and result.summary.runs == 1 and not scenes:
         return [ONE_RUN]
@@ -74,7 +74,7 @@ def values_of_few_scenes(result: Result) -> list[str]:
 
 
 def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
-    """Return a sentence on kinds of scenes that were not drawn: their largest share, and when they reverse an order.
+    """Return a sentence on scenes of a kind not drawn: how frequent they may be, and if they may reverse a verdict.
 
     The list is empty if the scenes are too few for a verdict.
 
@@ -91,7 +91,7 @@ def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
 
 
 def missing_intervals(result: Result) -> str:
-    """Return the metrics without a valid interval, with the reasons; too few scenes are not a reason here."""
+    """Return in words which metrics have no valid interval and why, apart from too few scenes."""
     paths: dict[str, dict[str, None]] = {}
     for tracker in result.scored:
         for path, metric in tracker.metrics.items():
@@ -102,7 +102,7 @@ def missing_intervals(result: Result) -> str:
 
 
 def scene_blocks(result: Result) -> Iterator[Block]:
-    """Yield in how many scenes another tracker leads, and the errors of those scenes, or of all if they are few."""
+    """Yield in how many scenes the overall best does not lead, and the errors in these scenes, or in all if few."""
     scenes = result.summary.truth.scenes
     if not scenes or not result.scored:
         return
@@ -121,7 +121,7 @@ def _best_in_scene(scene: SceneSummary, names: Sequence[str]) -> str:
 
 
 def _another_leads(result: Result, scene: SceneSummary, names: Sequence[str]) -> bool:
-    """Whether a tracker is better in a scene than the overall best, ``names[0]``, by more than the margin."""
+    """Return whether in a scene some tracker beats the overall best, ``names[0]``, by more than the margin."""
     best = names[0]
     if best not in scene.error:
         return any(name in scene.error for name in names)

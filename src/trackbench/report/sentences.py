@@ -24,7 +24,7 @@ from trackbench.results.tracker_result import BEATS_BOUND
 
 
 def facts(result: Result, trackers: int) -> tuple[str, ...]:
-    """Return facts about a run of so many trackers, a few words each."""
+    """Return facts about a run, such as its seed, a few words each; ``trackers``: number of trackers."""
     summary, truth = result.summary, result.summary.truth
     options = truth.model_extra or {}
     source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
@@ -41,13 +41,13 @@ def facts(result: Result, trackers: int) -> tuple[str, ...]:
 
 
 def listing_note(summary: Summary, trackers: int) -> str:
-    """Return a note that a page lists only the first of so many trackers."""
+    """Return a note that the page lists only the first of ``trackers`` trackers."""
     listed = f"The first {len(summary.trackers):,} of {trackers:,} trackers are listed here"
     return f"{listed}; result.json and the tables in Parquet have all of them."
 
 
 def provenance(result: Result) -> list[tuple[str, str]]:
-    """Return labels and texts on the time, the commit and the code of a run; nothing if the result does not say."""
+    """Return time, commit and code hashes of a run as pairs of label and text; an empty list if not recorded."""
     origin = result.summary.provenance
     if origin is None:
         return []
@@ -69,18 +69,18 @@ def duration(result: Result) -> str:
 
 
 def divergence(tracker: TrackerResult, runs: int) -> str:
-    """Return how often a tracker diverged, as "diverged in 1 of 10 runs"; empty without divergence."""
+    """Return how often a tracker diverged, as "diverged in 1 of 10 runs"; empty if it never did."""
     number = tracker.health.diverged_runs
     return f"diverged in {number} of {counted(runs, 'run')}" if number else ""
 
 
 def others_ignored(result: Result) -> list[str]:
-    """Return a remark if tracks on no object are ignored."""
+    """Return a remark, in a list, if tracks that follow no object are ignored."""
     return [REMARKS["others ignored"]] * ("others" in (result.summary.truth.model_extra or {}))
 
 
 def reused_identities(result: Result) -> list[str]:
-    """Return a remark on trackers that used an identity for a second track, if there are any."""
+    """Return a remark, in a list, on trackers that used one track identity for two tracks, if there are any."""
     reuses = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
     trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in reuses if number)
     return [REMARKS["used again"].format(trackers=trackers)] if trackers else []
@@ -106,7 +106,7 @@ def external_tracks(result: Result) -> list[str]:
 
 
 def missing_estimates(result: Result) -> list[str]:
-    """Return remarks on large charges for missing estimates, and on trackers not called better because of them."""
+    """Return remarks on large charges for missing estimates, and on pairs undecided because of these charges."""
     sentences = []
     for tracker in result.scored:
         for path, error in (("position_rmse", "position error"), ("velocity_rmse", "velocity error")):
@@ -123,7 +123,7 @@ def missing_estimates(result: Result) -> list[str]:
 
 
 def below_the_bound(result: Result) -> list[str]:
-    """Return a remark on each contender whose error is shown to be below the reference."""
+    """Return a remark on each competing tracker whose error is shown to be below the reference bound."""
     below = [tracker.name for tracker in result.contenders if tracker.below_reference]
     return [REMARKS["below"].format(name=name, label=result.summary.held_against.label) for name in below]
 
@@ -137,7 +137,7 @@ def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
 
 
 def remarks(result: Result) -> list[str]:
-    """Return remarks on trackers: charges, errors below a bound, external tracks, and who is no competitor."""
+    """Return remarks on trackers: charges, errors below a bound, external tracks, and trackers out of competition."""
     competing = {tracker.name for tracker in result.contenders}
     kinds = {tracker.reference_kind for tracker in result.scored if tracker.name not in competing}
     return [
@@ -178,7 +178,7 @@ def verdict_of_run(result: Result) -> str:
 
 
 def answer_of_run(result: Result, not_met: str = "") -> str:
-    """Return what went wrong, then which tracker is best, how surely.
+    """Return the answer of a run: what went wrong, then which tracker is best and how surely.
 
     Args:
         result: the run.
@@ -190,18 +190,18 @@ def answer_of_run(result: Result, not_met: str = "") -> str:
 
 
 def beaten_bound(result: Result) -> str:
-    """Return which trackers beat a true Cramér-Rao bound; empty without any."""
+    """Return which trackers have errors below a true Cramér-Rao bound; empty if none has."""
     names = [tracker.name for tracker in result.summary.trackers if tracker.beats_bound(result.summary.reference)]
     return "; ".join(f"{name} {BEATS_BOUND}" for name in names)
 
 
 def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
-    """Return, by tracker, the verdict on ``names[0]`` against it."""
+    """Return the verdict on tracker ``names[0]`` against each later tracker, by the later tracker's name."""
     return {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
 
 
 def _diverged(result: Result) -> str:
-    """Return which filters diverged, or how many: "div diverged in 1 of 10 runs"; or ""."""
+    """Return which filters diverged, or how many did: "div diverged in 1 of 10 runs"; empty if none did."""
     divergences = [(t.name, words) for t in result.filtering if (words := divergence(t, result.summary.runs))]
     if len(divergences) > NAMED:
         return f"{counted(len(divergences), 'tracker')} diverged in some runs"
@@ -209,7 +209,7 @@ def _diverged(result: Result) -> str:
 
 
 def _marked(result: Result, names: Sequence[str]) -> list[str]:
-    """Return the names, with "(diverged)" after trackers that diverged."""
+    """Return the names, each with "(diverged)" if its tracker diverged in any run."""
     return [f"{name} (diverged)" if result[name].health.diverged_runs else name for name in names]
 
 
@@ -218,7 +218,7 @@ def some_names(names: Sequence[str]) -> str:
 
 
 def _best(result: Result) -> str:
-    """Return which tracker has the smallest error, and from which trackers it is not shown to differ."""
+    """Return a clause: which tracker has the smallest error, and than which trackers it is not shown better."""
     summary, contenders = result.summary, result.contenders
     if not contenders:
         reasons = {result.why_unscored(tracker) for tracker in result.unscored if tracker.failed is None}
@@ -256,7 +256,7 @@ def _best(result: Result) -> str:
 
 
 def _whom(names: Sequence[str], number: int, *, are_equivalent: bool) -> str:
-    """Return the names, or if they are many how many of the ``number`` other trackers they are."""
+    """Return the names; if they are many, how many of the ``number`` other trackers they are."""
     if len(names) <= NAMED:
         return joined_names(names)
     which = f"{len(names)} of the" if len(names) < number else "all" if are_equivalent else "any of the"

@@ -53,23 +53,23 @@ OUTCOME_TONE: dict[str, Tone] = {"passed": "good", "undecided": "warn", "failed"
 
 
 def name_cells(trackers: Sequence[TrackerResult]) -> list[Cell]:
-    """Return each tracker's name with marks, such as for a reference or for random numbers."""
+    """Return cells with the name of each tracker and marks, such as "reference"."""
     return [Cell(t.name, t.marks, tracker=t.name) for t in trackers]
 
 
 def metric_of(tracker: TrackerResult, path: str) -> MetricValue:
-    """Return a metric of a tracker, or a value with a reason if the tracker lacks it."""
+    """Return a tracker's metric; if the tracker lacks it, a missing value with the reason."""
     return tracker.metrics.get(path, NO_METRIC)
 
 
 def tone_of(metric: MetricValue) -> Tone:
-    """Return the tone of a metric's verdict; a mean shown to be too large is bad, whatever the verdict."""
+    """Return the tone (good, bad, warn) of a metric's verdict; a mean shown to be too large is always bad."""
     is_optimistic = metric.dof is not None and mean_verdict(metric.ci95, metric.dof) == "optimistic"
     return "bad" if is_optimistic else TONE[metric.verdict or ""]
 
 
 def metric_cells(trackers: Sequence[TrackerResult], path: str, significant: int = 3, scale: float = 1.0) -> list[Cell]:
-    """Return a metric of each tracker, all with the same decimals, with verdict and interval in small print."""
+    """Return a cell for each tracker: the metric, equally many decimals, verdict and interval in small print."""
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals([None if m.value is None else scale * m.value for m in metrics], significant)
     return [_metric_cell(metric, places, scale) for metric in metrics]
@@ -94,14 +94,14 @@ def missing_cell(metric: MetricValue) -> Cell:
 def tracker_table(
     name: str, trackers: Sequence[TrackerResult], columns: Sequence[TableColumn], caption: str = ""
 ) -> Table:
-    """Return a table whose first column has the trackers' names."""
+    """Return a table with a row for each tracker: first its name, then ``columns``."""
     return Table.of_columns(name, [(TRACKER, name_cells(trackers)), *columns], caption)
 
 
 def text_table(
     name: str, rows: Sequence[_Row], columns: Mapping[Column, Callable[[_Row], str]], caption: str = ""
 ) -> Table:
-    """Return a table of texts.
+    """Return a table whose cells are texts made from one object per row.
 
     Args:
         name: name of the table's file.
@@ -156,12 +156,12 @@ def track_table(
 
 
 def unit_after_heading(unit: str) -> str:
-    """Return a unit in the form that follows a heading: ", m"."""
+    """Return a unit as it follows a heading, ", m"; empty for a quantity without unit."""
     return f", {unit}" if unit != "1" else ""
 
 
 def ranking_table(result: Result) -> Table:
-    """Return the metrics of the scored trackers, best first, with intervals and the differences between trackers."""
+    """Return the ranking table: metrics of the scored trackers, best first, with intervals and differences."""
     trackers, shown = result.scored, standing(result)
     differing = [(Column(shown.heading, shown.meaning, left=True), list(map(Cell, shown.cells)))]
     if len(trackers) > 1:
@@ -173,7 +173,7 @@ def ranking_table(result: Result) -> Table:
 
 
 def unranked_table(result: Result) -> Table | None:
-    """Return the metrics of the trackers that are not ranked; None if none of them has a value."""
+    """Return a table of the metrics of trackers that are not ranked; None if none of these has a value."""
     trackers = [tracker for tracker in result.unscored if metric_of(tracker, result.summary.headline).value is not None]
     known = result.summary.identities == "known"
     return tracker_table("unranked", trackers, _errors(result, trackers)) if trackers and known else None
@@ -217,7 +217,7 @@ _SHOWN = ("position_rmse", "velocity_rmse", "nees", "position_over_reference", "
 
 
 def other_metrics(result: Result) -> Table | None:
-    """Return the metrics of plug-ins and expectations that no other table shows; None without any."""
+    """Return a table of metrics, of plug-ins or in expectations, that no other table shows; None if there are none."""
     shown = {
         *(_SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")),
         *collected("shown_metrics", result),
@@ -238,7 +238,7 @@ def other_metrics(result: Result) -> Table | None:
 
 
 def innovation_columns(result: Result) -> Iterator[TableColumn]:
-    """Yield the columns on NIS and whiteness of each sensor's innovations, where a tracker gives them."""
+    """Yield columns on NIS and whiteness of each sensor's innovations, if any tracker gives innovations."""
     taken_in = "share of the measurements of a known object with an innovation; a late scan that is dropped has none"
     white = f"of the normalised innovations, lag 1; white within {WHITENESS_TOLERANCE} of 0"
     for sensor in result.summary.sensors:
@@ -257,7 +257,7 @@ def innovation_columns(result: Result) -> Iterator[TableColumn]:
 
 
 def _judged(result: Result, metric: str, sensor: str) -> list[Cell]:
-    """Return the cells of one metric of a sensor, with the verdicts but without intervals."""
+    """Return a cell for each tracker: a metric of its innovations at one sensor, with verdict, without interval."""
     path = f"{metric}.{sensor}"
     words = [verdict_in_words(metric_of(tracker, path)) for tracker in result.scored]
     cells = metric_cells(result.scored, path)
@@ -265,7 +265,7 @@ def _judged(result: Result, metric: str, sensor: str) -> list[Cell]:
 
 
 def _key_differences(result: Result) -> TableColumn:
-    """Return each tracker's difference from the best or the baseline, with the decimals that its uncertainty allows."""
+    """Return a column of differences from the baseline or best tracker, with decimals by their uncertainty."""
     against, pairs = result.summary.score.against or result.contenders[0].name, Pairs(result)
     compared = [pairs.get(tracker.name, against) for tracker in result.scored]
     differences = [pair for pair in compared if pair]
@@ -286,7 +286,7 @@ def _difference(pair: Pair | None, places: int) -> Cell:
 
 
 def expectation_table(result: Result) -> Table:
-    """Return the outcome, text and value of each expectation of the scenario."""
+    """Return a table of the scenario's expectations: outcome, condition and value."""
     rows = [
         (Cell(item.outcome, tone=OUTCOME_TONE[item.outcome]), Cell(item.text), Cell(value_text(item.value)))
         for item in result.summary.expectations

@@ -18,7 +18,7 @@ Audits = Mapping[str, TruthAudit]
 
 
 def truth_verdict(truth: TruthSummary) -> str:
-    """Return whether the truth is consistent, was repaired, or was not audited."""
+    """Return in words whether the truth is consistent, was repaired, or was not audited."""
     audits = _audits(truth)
     repaired = sum(audit.verdict == "repaired" for audit in audits.values())
     if not audits:
@@ -30,7 +30,7 @@ def truth_verdict(truth: TruthSummary) -> str:
 
 
 def audit_table(truth: TruthSummary) -> Table | None:
-    """Return the findings of the audit of all scenes: size, place and remedy; None without findings."""
+    """Return a table of the faults that the audit found in all scenes: size, place, remedy; None without faults."""
     audits = _audits(truth)
     rows = [*_recording(truth), *_velocity(audits), *_jumps(audits)]
     columns: dict[Column, Callable[[_Finding], str]] = {
@@ -51,7 +51,7 @@ def _audits(truth: TruthSummary) -> Audits:
 
 
 def _recording(truth: TruthSummary) -> Iterator[_Finding]:
-    """Yield the faults of recorded traffic, before and after smoothing."""
+    """Yield faults of recorded traffic: acceleration, stated speed and jumps as recorded, and what smoothing did."""
     options = truth.model_extra or {}
     if truth.source != "recorded-traffic":
         return
@@ -88,7 +88,7 @@ def _velocity(audits: Audits) -> Iterator[_Finding]:
 
 
 def _jumps(audits: Audits) -> Iterator[_Finding]:
-    """Yield jumps of velocity and position, the largest acceleration, and truths that end early."""
+    """Yield findings on jumps of velocity and position, the largest acceleration, and a truth that ends early."""
     jumps = {name: audit.velocity_jumps for name, audit in audits.items()}
     peak = max((item.peak_acceleration_mps2 or 0.0 for item in jumps.values()), default=0.0)
     largest = [(worst.largest_mps, scene, worst) for scene, worst in jumps.items() if worst.largest_mps is not None]
@@ -117,7 +117,7 @@ def _two_digits(value: float) -> str:
 
 
 def sensor_table(result: Result) -> Table:
-    """Return the properties of each sensor, and how often it detected a vehicle in its field of view."""
+    """Return a table of each sensor's properties, and its rate of detecting a vehicle in its field of view."""
     table = result.summary.sensors
     sensors = list(table.values())
     single = Cell(NOT_AVAILABLE, reason="a single scan")

@@ -1,4 +1,4 @@
-"""Templates of all sentences of verdicts: which tracker is best, how surely, what went wrong, and what is next."""
+"""Templates of the sentences in reports: which tracker is best, how surely, what went wrong, what to do next."""
 
 #: Which tracker is best in a run, by the kind of evidence.
 ANSWERS = {

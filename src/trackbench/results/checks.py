@@ -19,7 +19,7 @@ ROUNDING = 1e-9
 
 
 def why_other_content(file: Path, digest: str) -> str | None:
-    """Say why a file does not have this sha256; None if it has."""
+    """Say why a file's sha256 is not ``digest``; None if it is."""
     try:
         require_regular(file)
         return None if sha256(file) == digest else "its sha256 is not the stated one"
@@ -28,7 +28,7 @@ def why_other_content(file: Path, digest: str) -> str | None:
 
 
 def stored_table(file: Path, digest: str | None, stated_in: str) -> pa.Table:
-    """Return the table in a Parquet file.
+    """Return the table in a Parquet file, if the file has the expected sha256.
 
     Args:
         file: the Parquet file.

@@ -20,7 +20,7 @@ Record = Mapping[str, Any]
 
 
 def table_of(records: Sequence[Record]) -> pa.Table:
-    """Return a table of the rows of all records, with the columns of the first record."""
+    """Return one table with the rows of all records; the columns are those of the first record."""
     import pyarrow as pa
 
     sizes = [next((len(value) for value in part.values() if not isinstance(value, str | float)), 1) for part in records]
@@ -42,7 +42,6 @@ def table_of(records: Sequence[Record]) -> pa.Table:
 
 # Arrow's own conversion imports pandas wherever that is installed, which takes a quarter of a second.
 def _numbers(values: npt.NDArray[Any], known: Mask) -> pa.Array:
-    """Make an array of numbers or truth values, null where they are not known."""
     import pyarrow as pa
 
     data = np.packbits(values, bitorder="little") if values.dtype == bool else values
@@ -51,7 +50,6 @@ def _numbers(values: npt.NDArray[Any], known: Mask) -> pa.Array:
 
 
 def _words(texts: Sequence[str | None], repeats: int | Sequence[int] = 1) -> pa.Array:
-    """Make a dictionary array of texts, each repeated so often, null for None."""
     import pyarrow as pa
 
     once = [text for text in dict.fromkeys(texts) if text is not None]
@@ -97,7 +95,7 @@ def split(table: pa.Table, *keys: str) -> dict[tuple[str, ...], Columns]:
 
 
 def mean_over_objects(time: npt.NDArray[Any], values: npt.NDArray[Any]) -> tuple[Any, Any, Any]:
-    """Return the instants with a finite value, the mean of the finite values at each, and their number."""
+    """Return the instants with a finite value, the mean of the finite values at each instant, and their number."""
     finite = np.isfinite(values)
     instants, index, count = np.unique(time[finite], return_inverse=True, return_counts=True)
     return instants, np.bincount(index, weights=values[finite], minlength=len(instants)) / count, count

@@ -104,7 +104,7 @@ def require_file(path: Path, key: str) -> None:
     """Make sure, before any work, that a file can be written.
 
     Args:
-        path: the file.
+        path: name of the file.
         key: option that names the file.
 
     Raises:
@@ -116,14 +116,14 @@ def require_file(path: Path, key: str) -> None:
 
 
 def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
-    """Make sure that a folder can be written under this name: it is free, empty, or an earlier folder of its kind.
+    """Make sure that a folder can be written under this name: none exists, or an empty or an earlier one of its kind.
 
     Args:
         folder: name of the folder.
         mark: name of the file that identifies this kind of folder; by default the summary of a run.
 
     Raises:
-        InputError: something else has this name, and is not to be lost.
+        InputError: a file or a folder of another kind has this name, and must not be lost.
     """
     free = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
     if not free and not (folder / mark).is_file():
@@ -132,7 +132,7 @@ def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and rename it, so that it is whole or not there; and the folder it is in.
+    """Write a file, and the folder it is in, under a temporary name and rename it: it is whole or missing.
 
     A device or a pipe, such as /dev/stdout, is written itself.
 
@@ -156,12 +156,12 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_file(text: str, path: Path) -> None:
-    """Write a text file of a folder that is renamed as a whole."""
+    """Write a text file into a folder that has a temporary name until all its files are written."""
     path.write_text(text, encoding="utf-8")
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:
-    """Rename a folder; an earlier one is moved away first, and moved back if the renaming fails."""
+    """Rename a folder to its final name; an earlier one is moved away first, and back if the renaming fails."""
     if not folder.exists():
         os.replace(temporary, folder)
         return

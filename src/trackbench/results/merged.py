@@ -17,7 +17,7 @@ def merged_result(results: Mapping[str, Result]) -> Result:
     The trackers stand in the order of the results. Tables without a column ``tracker`` come from the first result.
 
     Args:
-        results: results by the label of each in messages.
+        results: results by the name under which error messages mention each.
 
     Raises:
         InputError: the measurements or the motion differ, or two trackers have the same name.

@@ -28,19 +28,19 @@ ROUNDING = 1e-9
 
 
 class ResultModel(BaseModel):
-    """Part of a result: frozen, and without unknown keys."""
+    """Base of every part of a result: a frozen pydantic model that refuses unknown keys."""
 
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def model_of(kind: type[M], raw: Any, file: Path, what: str, version: int) -> M:
-    """Validate the values of a JSON file as a model.
+    """Validate the values of a JSON file as a model of one kind.
 
     Args:
         kind: type of the model.
         raw: values of the file.
         file: name of the file, for error messages.
-        what: noun for the model, for error messages.
+        what: noun that names such a model in error messages.
         version: expected version of the schema.
 
     Raises:
@@ -61,7 +61,7 @@ def model_of(kind: type[M], raw: Any, file: Path, what: str, version: int) -> M:
 
 
 def read_model(kind: type[M], file: Path, what: str, version: int) -> M:
-    """Read the model in a JSON file; see :func:`model_of`.
+    """Read a JSON file and validate its values as a model of one kind.
 
     Raises:
         InputError: the file cannot be read, or is not such a model.
@@ -83,81 +83,83 @@ def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
 
 
 class PartVerdict(ResultModel):
-    """Verdict on a part of the errors: the tails of the NEES, or the errors along and across the motion."""
+    """Verdict on the tails of the NEES, or on the NEES along or across the motion."""
 
     name: str
-    """Name of the part, such as ``beyond the 95 % point`` or ``along the motion``."""
+    """What the verdict is on, such as ``beyond the 95 % point`` or ``along the motion``."""
     value: float
-    """Share of the estimates, or mean NEES."""
+    """Share of NEES beyond the point of chi-square, or mean NEES along or across the motion."""
     expected: float
-    """Value of a consistent tracker."""
+    """Value expected of a tracker whose covariance is right."""
     ci95: tuple[float, float]
     verdict: str
 
 
 class ConditionVerdict(ResultModel):
-    """Mean of a chi-square statistic under one condition, with the verdict on it."""
+    """Mean NEES under one condition, with the verdict on the covariance."""
 
     name: str
-    """Name of a manoeuvre or of a range band, or ``first second``."""
+    """Name of the condition: a manoeuvre, a range band, ``first second``, or ``position alone`` or ``velocity
+    alone``."""
     mean: float
     ci95: tuple[float, float]
     verdict: str
     parts: tuple[PartVerdict, ...] = ()
-    """Verdicts on the parts with enough estimates."""
+    """Verdicts on the tails of the NEES and on the NEES along and across the motion, under this condition; empty where
+    estimates are too few."""
 
 
 class MetricValue(ResultModel):
-    """Value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well.
+    """Metric value with its unit and confidence interval; for a NEES or NIS also degrees of freedom and a verdict.
 
     It is a number: ``float(value)``, ``f"{value:.3f}"`` and ``value < 0.1`` work, and ``str`` gives the value with its
     interval, "0.0971 m (0.090 to 0.118)". Without a value they raise an InputError that says why there is none.
     """
 
     value: float | None = None
-    """None for a missing value; ``reason`` says why. In JSON the value of a chi-square statistic is its ``mean``."""
+    """The value; None where it is missing, for the ``reason``. In JSON the value of a NEES or NIS is named ``mean``."""
     unit: str
-    """Unit; "1" for a number without one."""
+    """Unit of the value; "1" for a number without one."""
     ci95: tuple[float, float] | None = None
-    """95 % interval; None where a single run gives none, or where the metric has none."""
+    """95 % interval; None where a single run gives none, or the metric has no interval."""
     reason: str | None = None
     """Reason for a missing value or interval."""
     dof: int | None = None
-    """Degrees of freedom of a chi-square statistic: its mean for a consistent tracker."""
+    """Degrees of freedom of a NEES or NIS, the mean expected of a consistent tracker; None for other metrics."""
     steps_inside_bounds: float | None = None
-    """Share of the instants at which the mean over runs and objects is inside its own bounds."""
+    """Share of the instants at which the mean NEES or NIS over runs and objects is within its 95 % bounds."""
     coverage: float | None = None
     """Share of the innovations that were given, among the measurements that should have one."""
     inside95: float | None = None
-    """Share of single statistics under their 95 % point."""
+    """Share of single NIS values below the 95 % point of chi-square."""
     verdict: str | None = None
-    """Verdict, such as ``consistent`` or ``white``."""
+    """Verdict: on a covariance, such as ``consistent``, or on a whiteness, such as ``white``."""
     also: str | None = None
-    """Second verdict on a covariance that the first one hides: ``heavy-tailed``."""
+    """``heavy-tailed`` where large errors are too frequent although the first verdict, by the mean, does not say so."""
     words: str | None = None
     """Verdict on a covariance in plain words, such as "too large; about right on straights"."""
     charged_share: float | None = None
-    """Share of the squared error that is charged for missing estimates; None where none is missing."""
+    """Share of the squared error that is charged for missing estimates; None where no estimate is missing."""
     without_charged: float | None = None
-    """Value over the given estimates alone."""
+    """Value over the given estimates alone, without those charged for missing ones; None where none is missing."""
     p05: float | None = None
-    """Quantile of a delay: 5 % of the delays are below; likewise ``p50`` and ``p95``."""
+    """5 % quantile of a function's delays; likewise ``p50`` and ``p95``."""
     p50: float | None = None
     p95: float | None = None
     early: float | None = None
-    """Mean of the delays below 0; None where there is none."""
+    """Mean of the function's delays below 0; None where there is none."""
     late: float | None = None
-    """Mean of the delays above 0; None where there is none."""
+    """Mean of the function's delays above 0; None where there is none."""
     missing: float | None = None
-    """Share of the events without an answer."""
+    """Share of the events to which the function did not react."""
     conditions: tuple[ConditionVerdict, ...] | None = None
-    """Verdicts under each condition, which the verdict takes into account."""
+    """Verdicts under each condition, from which ``verdict`` is combined."""
     parts: tuple[PartVerdict, ...] | None = None
-    """Verdicts on parts of the errors of all estimates, which the verdict takes into account."""
+    """Verdicts on the tails and directions of the NEES over all estimates, from which ``verdict`` is combined."""
 
     @property
     def mean(self) -> float | None:
-        """Value of a statistic that is a mean."""
+        """Value of a metric that is a mean; another name for ``value``."""
         return self.value
 
     def __float__(self) -> float:
@@ -203,7 +205,7 @@ class MetricValue(ResultModel):
 
     @model_serializer(mode="wrap")
     def _short(self, handler: SerializerFunctionWrapHandler) -> Json:
-        """Leave out unset fields; the value stays, and so does an interval that is missing for a reason."""
+        """Leave out unset fields, but keep the value, and the interval where a reason says why it is missing."""
         entry = {key: value for key, value in handler(self).items() if value is not None}
         value = entry.pop("value", None)
         if value is not None and self.reason is not None:
@@ -222,7 +224,7 @@ Metrics = Annotated[dict[str, MetricValue], AfterValidator(MetricsByPath)]
 
 
 def by_value(values: Mapping[K, float]) -> list[K]:
-    """Return the keys by their values, the least first; equal values, but for rounding, keep the mapping's order."""
+    """Return the keys by their values, least first; values that differ by rounding keep the order of the mapping."""
     least: dict[K, float] = {}
     value = first = math.nan
     for key in sorted(values, key=values.__getitem__):

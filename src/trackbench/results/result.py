@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Difference(ResultModel):
-    """Value of tracker ``a`` minus the value of tracker ``b``, paired over the runs."""
+    """Metric value of tracker ``a`` minus that of tracker ``b``, paired over the runs."""
 
     a: str
     b: str
@@ -35,26 +35,26 @@ class Difference(ResultModel):
     margin: float
     """Largest difference that does not matter."""
     p_value: float | None
-    """P-value of the hypothesis that the difference is within the margin, corrected for the number of differences in
-    the family; None for a difference in no family."""
+    """P-value of the hypothesis that the difference is within the margin, corrected for the number of tests. None for a
+    difference that is not corrected together with others, which has no verdict."""
     better: str | None
-    """Tracker that is shown to be better by more than the margin."""
+    """Tracker that is shown to be better by more than the margin; None where neither is."""
     verdict: str | None
-    """Verdict in words; ``larger`` and ``smaller``, said of ``a``, where neither tracker is better. None for a
-    difference in no family."""
+    """The better tracker, ``equivalent`` or ``undecided``; ``larger`` or ``smaller``, of ``a``, where no direction is
+    better. None where the p-value is None."""
     without_charged: float | None = None
-    """Difference over the given estimates alone, where over a tenth of either squared error is charged for missing
-    estimates. Neither tracker is called better where its sign differs."""
+    """Difference over the given estimates alone. None unless over a tenth of either squared error is charged for
+    missing estimates. If its sign differs from that of ``value``, neither tracker is called better."""
 
     @property
     def turned(self) -> bool:
-        """Whether the difference is shown, but neither tracker is better as ``without_charged`` has another sign."""
+        """Whether the difference is shown but neither tracker is better, as ``without_charged`` has the other sign."""
         shown = self.verdict in ("larger", "smaller")
         return shown and self.without_charged is not None and self.without_charged * self.value < 0
 
 
 def difference_table(differences: Iterable[Difference]) -> pa.Table:
-    """Return the table ``differences``; without columns if there are none."""
+    """Return the table ``differences`` with one row for each difference; without columns if there are none."""
     rows = [{**vars(item), **dict(zip(_ENDS, item.ci95 or (None, None), strict=True))} for item in differences]
     words: dict[str, Any] = {name: [row[name] for row in rows] for name in _WORDS}
     numbers = {name: np.array([row[name] for row in rows], dtype=float) for name in _NUMBERS}
@@ -62,7 +62,7 @@ def difference_table(differences: Iterable[Difference]) -> pa.Table:
 
 
 def differences_from_table(table: pa.Table) -> list[Difference]:
-    """Return the rows of the table ``differences``."""
+    """Return the differences that the rows of the table ``differences`` hold."""
     rows = table.to_pylist()
     ends = [tuple(row.pop(name) for name in _ENDS) for row in rows]
     return [Difference(**row, ci95=None if None in ci95 else ci95) for row, ci95 in zip(rows, ends, strict=True)]
@@ -115,12 +115,11 @@ class Result:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Place of each tracker in the scenario file, which gives its colour."""
+        """Index of each tracker in the scenario file, which selects its colour."""
         return {tracker.name: tracker.place for tracker in self.summary.trackers}
 
     @property
     def name(self) -> str:
-        """Name of the scenario."""
         return self.summary.scenario.name
 
     @cached_property
@@ -130,7 +129,7 @@ class Result:
 
     @cached_property
     def scored(self) -> list[TrackerResult]:
-        """Trackers whose errors are comparable, best first."""
+        """Trackers whose errors can be compared, best first."""
         ranked = [self[name] for name in self.summary.ranking]
         return [tracker for tracker in ranked if not self.why_unscored(tracker)]
 
@@ -141,12 +140,12 @@ class Result:
 
     @property
     def filtering(self) -> list[TrackerResult]:
-        """Contenders that filter, whose worst moments are shown; all contenders if none filters."""
+        """Contenders that filter, for the list of worst moments; all contenders if none filters."""
         return [tracker for tracker in self.contenders if not tracker.baseline] or self.contenders
 
     @property
     def drawn(self) -> list[TrackerResult]:
-        """Scored trackers that figures and recordings show: the best ``MOST_DRAWN``."""
+        """The best scored trackers, at most ``MOST_DRAWN``, which figures and recordings show."""
         return self.scored[:MOST_DRAWN]
 
     @cached_property
@@ -167,7 +166,7 @@ class Result:
         return [tracker for tracker in self.summary.trackers if self.why_unscored(tracker)]
 
     def why_unscored(self, tracker: TrackerResult) -> str:
-        """Return why a tracker is not compared with the others; empty where it is."""
+        """Return why a tracker is not compared with the others; empty where it is compared."""
         if tracker.failed is not None:
             return str(tracker.failed)
         headline = tracker.metrics.get(self.summary.headline)
@@ -181,7 +180,7 @@ class Result:
         return self.why_suspect(tracker)
 
     def why_suspect(self, tracker: TrackerResult) -> str:
-        """Return why a tracker's estimates cannot come from its measurements alone; empty where nothing shows it."""
+        """Return why a tracker's estimates cannot come from measurements alone; empty where nothing suggests it."""
         return f"it {BEATS_BOUND}" if tracker.beats_bound(self.summary.reference) else ""
 
     def json(self) -> dict[str, Any]:
@@ -190,7 +189,7 @@ class Result:
 
     @property
     def rows(self) -> Iterator[Json]:
-        """Rows with one value each: of a tracker, in a scene or all scenes, under a condition or for all estimates.
+        """Rows with one metric value each: one tracker, one scene or all, one condition or all estimates.
 
         ``n`` is the number of runs, or of errors under a condition. ``reason`` says why a value or interval is missing.
         """
@@ -262,21 +261,21 @@ class Result:
         write_file(json_text({**self.json(), "tables": digests}), file)
 
     def updated(self, **fields: Any) -> Result:
-        """Return a copy with other fields of its summary."""
+        """Return a copy of the result with other values for some fields of its summary."""
         return replace(self, summary=self.summary.model_copy(update=fields))
 
     @classmethod
     def from_json(cls, summary: Mapping[str, Any], tables: Mapping[str, pa.Table]) -> Result:
-        """Return a result from JSON values and tables in memory.
+        """Return a result from the JSON values of its summary and from tables in memory.
 
         Raises:
-            pydantic.ValidationError: the values are no summary.
+            pydantic.ValidationError: the values are not those of a summary.
         """
         return cls(Summary.model_validate(summary), tables if isinstance(tables, Tables) else Tables(tables))
 
     @classmethod
     def load(cls, folder: Path | str) -> Result:
-        """Load the result in a run's folder; its ``result.json`` may be named instead.
+        """Load the result in a run's folder; ``folder`` may also be the path of its ``result.json``.
 
         Raises:
             InputError: there is no result, it cannot be read, or it is of another version.
@@ -295,7 +294,7 @@ class Result:
 
 
 def merged_places(results: Iterable[Result]) -> dict[str, int]:
-    """Return the place of each tracker in the first result that has it."""
+    """Return each tracker's index in the scenario file of the first result that has the tracker."""
     places: dict[str, int] = {}
     for result in results:
         places |= {name: place for name, place in result.places.items() if name not in places}

@@ -13,17 +13,16 @@ from trackbench.results.metric_value import ResultModel
 
 
 class VelocityMismatch(ResultModel):
-    """Difference between stated velocities and velocities from displacements; None where nothing moves."""
+    """Difference between a truth's stated velocities and those from its displacements; None where nothing moves."""
 
     max_mps: float | None
     mean_mps: float | None
     object: str | None
-    """Object with the largest difference."""
     time_s: float | None
 
 
 class PositionJump(ResultModel):
-    """Jump of a body that its velocity does not explain; its true path ends there."""
+    """Jump of an object's true position that its velocity does not explain; the true path is cut there."""
 
     object: str
     time_s: float
@@ -34,16 +33,16 @@ class VelocityJumps(ResultModel):
     """Jumps of a velocity: changes in one step that exceed what a car can do. They are counted, not corrected."""
 
     limit_mps2: float
-    """Change of the velocity vector over the step's duration above which it is a jump."""
+    """Acceleration above which a change of the velocity vector in one step is a jump."""
     count: int = 0
-    """Number of jumps, in all runs of a random motion."""
+    """Number of jumps; for a random motion, in all runs together."""
     largest_mps: float | None = None
     """Change of the velocity vector in the largest jump."""
     object: str | None = None
-    """Object of the largest jump, whose step ends at ``time_s``."""
+    """Name of the object with the largest jump."""
     time_s: float | None = None
     peak_acceleration_mps2: float | None = None
-    """Largest change of the velocity vector over the step's duration, jump or not."""
+    """Largest acceleration: change of the velocity vector in a step over its duration, jump or not."""
 
 
 class EndedEarly(ResultModel):
@@ -54,25 +53,23 @@ class EndedEarly(ResultModel):
 
 
 class Repairs(ResultModel):
-    """Corrections of a truth: names of the corrected objects."""
+    """Names of the objects whose truth was corrected, by kind of correction."""
 
     velocity_from_displacement: list[str] = Field(default_factory=list)
     cut_at_jump: list[str] = Field(default_factory=list)
-    """Objects whose true path ends at a jump."""
 
     @property
     def any(self) -> bool:
-        """Whether anything was corrected."""
         return any(vars(self).values())
 
 
 class TruthAudit(ResultModel):
-    """Findings and corrections of the audit of a truth."""
+    """Findings of the audit of a truth (velocity mismatches, jumps, an early end) and the corrections made."""
 
     mode: Literal["repair", "refuse", "by construction"]
     verdict: Literal["consistent", "repaired", "exact"]
     velocity_error_before: VelocityMismatch
-    """Mismatch of the velocities that the source states."""
+    """Mismatch of the velocities that the source of the truth states, before any repair."""
     velocity_error_after: VelocityMismatch
     jumps: list[PositionJump]
     velocity_jumps: VelocityJumps
@@ -85,16 +82,16 @@ Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None
 
 
 class ScenarioSummary(ResultModel):
-    """Scenario as it was run."""
+    """Scenario as it was run: its text, overrides and world."""
 
     name: str
-    """Name of the scenario, with its world if it has one, as in the name of the folder."""
+    """Name of the scenario with its world, if any: the name of the folder of the run."""
     description: str
     file: str
     text: str
     overrides: list[str]
     world: str | None = None
-    """World of the scenario; None if it has no worlds."""
+    """Name of the scenario's world; None for a scenario without worlds."""
 
     @property
     def base(self) -> str:
@@ -103,10 +100,10 @@ class ScenarioSummary(ResultModel):
 
 
 class SceneSummary(ResultModel):
-    """One of several scenes."""
+    """One of a run's several scenes: objects, duration, audit and the errors of the trackers."""
 
     name: str
-    """Distinguishing name, such as ``seed 13``."""
+    """Name that distinguishes the scene, such as ``seed 13``."""
     objects: list[str]
     duration_s: float
     audit: Audit
@@ -115,25 +112,26 @@ class SceneSummary(ResultModel):
 
 
 class TruthSummary(ResultModel):
-    """Source of the truth and audit of the recorded run; the options of the source are extra fields."""
+    """Source of the truth, and audit of the recorded run; options of the source are extra fields."""
 
     model_config = ConfigDict(extra="allow")
 
     source: str
     objects: list[str]
     known: bool = True
-    """False for a recording with measurements alone, where nothing is ranked."""
+    """False for a recording of measurements without a truth, in which nothing is ranked."""
     steps: int
     dt: float | None
     duration_s: float
     audit: Audit
     cached: bool
     scenes: list[SceneSummary] = Field(default_factory=list)
-    """All scenes if there are several; else empty."""
+    """All scenes of the run; empty where there is only one."""
     few_scenes_decide: bool = False
-    """Whether one scene of a hundred may decide between two trackers: simulated vehicles hide others."""
+    """Whether one rare scene in a hundred may decide which of two trackers is better, as vehicles hide others."""
     motion: list[str] = Field(default_factory=list)
-    """Fingerprint of the motion in each scene. If one is the beginning of another, both are of the same scene."""
+    """Fingerprint of the motion in each scene. One that is the beginning of another shows the same scene, recorded for
+    a shorter time."""
 
     @property
     def log_stretches(self) -> int:
@@ -159,23 +157,24 @@ class TruthSummary(ResultModel):
 
 
 class SensorSummary(ResultModel):
-    """Description of a sensor."""
+    """Sensor as it was simulated or recorded: noise, field of view, rate, detections and effects."""
 
     kind: str
     noise: str
     """Stated standard deviation of each component, such as "range 0.3 m, azimuth 0.5 deg"."""
     fov_deg: float
     max_range_m: float | None
-    """None without a limit."""
+    """Largest range at which the sensor measures; None without a limit."""
     rate_hz: float | None
-    """Rate of the scans; for recorded measurements, one over their median interval, and None for a single scan."""
+    """Rate of the scans; of recorded scans, one over the median interval between them. None for a single scan."""
     preset: str | None
     detection_rate: float | None
-    """Share of the scans with an object in view that gave a measurement of it."""
+    """Share of the scans with an object in view in which the object was detected."""
     latency_s: tuple[float, float] = (0.0, 0.0)
-    """Least and largest time from a measurement to its arrival."""
+    """Least and largest delay between the taking of a scan and its arrival."""
     effects: tuple[dict[str, JsonValue], ...] = ()
-    """Effects by which it differs from an ideal sensor, in the order in which they act: type and options of each."""
+    """Effects that make the sensor differ from an ideal one, in the order in which they act: type and options of
+    each."""
 
     @property
     def range_in_words(self) -> str:
@@ -189,7 +188,7 @@ class SensorSummary(ResultModel):
 
     @property
     def effects_in_words(self) -> str:
-        """Effects in words, such as "faces (share 0.2); bias (azimuth 0.1 deg)", or "none"."""
+        """Effects of the sensor in words, such as "faces (share 0.2); bias (azimuth 0.1 deg)", or "none"."""
         effects = (f"{_effect_type(each)} ({', '.join(_options_in_words(each))})" for each in self.effects)
         return "; ".join(effects) or "none"
 
@@ -215,17 +214,17 @@ class ReferenceSummary(ResultModel):
     """
 
     kind: Literal["bound", "reference"]
-    """bound: the targets do move so and the noise is as stated, and no tracker can be expected to have smaller errors.
-    reference: they move in another way, or a sensor has effects, and a tracker can have smaller errors."""
+    """bound: targets move with white acceleration and noise is as stated, so no tracker can be expected to have smaller
+    errors. reference: motion or sensors differ from that, and a tracker can have smaller errors."""
     acceleration_sigma_mps2: float
     """Standard deviation of the acceleration per axis."""
     acceleration_from: Literal["scenario", "truth"]
-    """Source of the acceleration. scenario: the scenario states it. truth: the acceleration that drove the targets, or
-    else the RMS of their acceleration."""
+    """Source of the acceleration. scenario: the scenario states it. truth: the random acceleration that the motion was
+    simulated with, or for any other motion the RMS of the true acceleration."""
 
     @property
     def label(self) -> str:
-        """Label in a legend."""
+        """Name of the reference in the legend of a figure."""
         return "Cramér-Rao bound" if self.kind == "bound" else "reference"
 
     @property
@@ -243,20 +242,20 @@ class ReferenceSummary(ResultModel):
 
 
 class MetricSummary(ResultModel):
-    """Description of a metric, so that a result can be read without the metric's class."""
+    """Name, unit, meaning and options of a metric, by which a result is read without the code of the metric."""
 
     name: str
     unit: str
     meaning: str
     better: Literal["smaller", "larger"] | None
     compared: bool
-    """Whether trackers are compared by it, run by run."""
+    """Whether trackers are compared by this metric, run by run."""
     per_sensor: bool
     options: dict[str, Any] = Field(default_factory=dict)
 
 
 class MarginSummary(ResultModel):
-    """Margin up to which differences do not matter: the larger of a share of the better value and an absolute part."""
+    """Margin up to which differences do not matter: the larger of a share of the better value and an absolute value."""
 
     percent: float
     position_m: float
@@ -264,11 +263,11 @@ class MarginSummary(ResultModel):
     course_deg: float
 
     def absolute(self, unit: str) -> float:
-        """Return the absolute part of the margin for metrics of a unit; 0 where there is none."""
+        """Return the absolute part of the margin for metrics with this unit; 0 for a unit without one."""
         return {"m": self.position_m, "m/s": self.velocity_mps, "deg": self.course_deg}.get(unit, 0.0)
 
     def at(self, value: float, unit: str) -> float:
-        """Return the margin if this is the better one of two values."""
+        """Return the margin of a difference between two trackers; ``value`` is the better of their values."""
         return max(self.percent / 100 * abs(value), self.absolute(unit))
 
 
@@ -281,7 +280,7 @@ def sentence_on_point(point: str) -> str:
 
 
 class ScoreSummary(ResultModel):
-    """Rules of scoring, and the metrics beside the built-in ones."""
+    """Rules of scoring, and the metrics that are not built in."""
 
     settle_s: float
     divergence_m: float | None = None
@@ -291,16 +290,16 @@ class ScoreSummary(ResultModel):
     min_coverage: float
     """Least share of the due estimates that a tracker must give to be ranked."""
     from_s: float
-    """First instant of a scan; estimates are asked for and scored from here on."""
+    """Time of the first scan; estimates are scored from here on."""
     to_s: float
-    """Last instant of a scan."""
+    """Time of the last scan."""
     margin: MarginSummary
     baseline: str | None = None
-    """Ranked tracker that all others are compared with, if the scenario names one."""
+    """Ranked tracker that all others are compared with; None if the scenario names none."""
     best: str | None = None
-    """Best tracker, with which alone all others are compared if there are many."""
+    """Best tracker, if all others are compared with it alone because there are many; else None."""
     cutoff_m: float | None = None
-    """Cutoff distance of GOSPA with hidden identities; None with known ones."""
+    """Cutoff distance of GOSPA; None with known identities."""
     metrics: list[MetricSummary] = Field(default_factory=list)
 
     @property

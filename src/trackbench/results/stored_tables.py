@@ -21,7 +21,7 @@ class Tables(Mapping[str, Any]):
     """
 
     def __init__(self, tables: Mapping[str, pa.Table | str], folder: Path = Path()) -> None:
-        """Hold ``tables``: by name each table, or the sha256 of its file in the folder."""
+        """Take for each name the table itself, or the sha256 of the file in ``folder`` that holds the table."""
         self._tables, self._folder = dict(tables), folder
 
     def __iter__(self) -> Iterator[str]:
@@ -58,7 +58,7 @@ class Tables(Mapping[str, Any]):
         return table
 
     def if_there(self, name: str) -> pa.Table:
-        """Return a table that not every run has; without rows and columns if it is missing."""
+        """Return a table that some runs lack; an empty table without columns if it is missing."""
         import pyarrow as pa
 
         return self[name] if name in self else pa.table({})

@@ -20,21 +20,21 @@ from trackbench.results.tracker_result import TrackerResult
 
 
 class Provenance(ResultModel):
-    """Time at which the runs began, and versions of the user's code. No number depends on them."""
+    """Time at which the runs began, and versions of the user's code. No metric depends on them."""
 
     made_at: AwareDatetime
     commit: str | None
     """Commit of the git repository that holds the scenario; None without a repository."""
     changed: bool | None
-    """Whether files of the repository differed from the commit; files that git does not track do not count."""
+    """Whether files that git tracks differed from the commit; None without a repository."""
     no_commit: str = ""
-    """Reason for a missing commit."""
+    """Reason why the commit is unknown; empty where it is known."""
     code: dict[str, str | None] = Field(default_factory=dict)
-    """Sha256 of the code of each tracker that is not built in, by its name; None if the code was not found."""
+    """Sha256 of the code of each tracker that is not built in, by name of the tracker; None if no code was found."""
 
     @property
     def commit_in_words(self) -> str:
-        """First letters of the commit and whether files were changed, or "none"."""
+        """First letters of the commit, and whether files were changed since; "none" without a commit."""
         if self.commit is None:
             return "none"
         return self.commit[:10] + (" (changed)" if self.changed else "")
@@ -44,7 +44,7 @@ SCHEMA_VERSION = 7
 
 
 class ExpectationResult(ResultModel):
-    """Expectation of the scenario, with its outcome."""
+    """Expectation that the scenario states about a metric of a tracker, with the value and the outcome."""
 
     tracker: str
     metric: str
@@ -53,35 +53,36 @@ class ExpectationResult(ResultModel):
     value: float | str | None
     passed: bool
     undecided: bool = False
-    """Whether the runs or scenes show neither that it holds nor that it does not; ``passed`` is False then."""
+    """Whether the runs or scenes show neither that the expectation holds nor that it does not; ``passed`` is False
+    then."""
     text: str
 
     @property
     def outcome(self) -> Literal["passed", "undecided", "failed"]:
-        """Outcome in a word."""
         return "passed" if self.passed else "undecided" if self.undecided else "failed"
 
 
 class Summary(ResultModel):
-    """Content of ``result.json``."""
+    """Content of ``result.json``: scenario, truth, sensors, scoring, results of the trackers and their ranking."""
 
     schema_version: int = SCHEMA_VERSION
     scenario: ScenarioSummary
     seed: int
     runs: int = Field(ge=1)
-    """Number of runs of all scenes together."""
+    """Number of Monte-Carlo runs of all scenes together."""
     versions: dict[str, str]
     engine: ComputedBy = "numpy"
     """Engine that computed the built-in trackers."""
     command: str
     identities: Literal["known", "hidden"] = "known"
-    """hidden: measurements do not say of which object they are, and trackers are scored by their tracks."""
+    """known: each measurement names its object. hidden: measurements do not, and trackers are scored by their
+    tracks."""
     fingerprints: list[str]
     """Fingerprint of all measurements of each run: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
     reference: ReferenceSummary | None
-    """None with hidden identities."""
+    """Reference that errors are compared with; None with hidden identities."""
     score: ScoreSummary
     recorded_run: int
     trackers: list[TrackerResult]
@@ -92,7 +93,7 @@ class Summary(ResultModel):
     tables: dict[str, str] = Field(default_factory=dict)
     """Sha256 of the file of each written table, by name of the table."""
     provenance: Provenance | None = None
-    """None for a result that was made in memory alone."""
+    """Time and code versions of the runs; None for a result that was made in memory alone."""
 
     @property
     def has_recording(self) -> bool:
@@ -101,40 +102,40 @@ class Summary(ResultModel):
 
     @property
     def recorded_scene(self) -> int:
-        """Number of the recorded scene, from 0; if logs are cut into stretches, number of the log."""
+        """Index of the recorded scene, from 0; if logs are cut into stretches, index of the log."""
         logs = len(self.truth.scenes) // max(self.truth.log_stretches, 1)
         return self.recorded_run * max(logs, 1) // self.runs
 
     @property
     def made_with(self) -> str:
-        """Versions and engine, in a line."""
+        """Versions of Python and of the packages, and the engine, in one line."""
         versions = ", ".join(f"{name} {number}" for name, number in self.versions.items())
         return f"{versions}; {self.engine_in_words}"
 
     @property
     def engine_in_words(self) -> str:
-        """Engine in words, such as "numpy engine"."""
+        """Name of the engine in words, such as "numpy engine"."""
         return f"{self.engine} {'engines' if ' and ' in self.engine else 'engine'}"
 
     @property
     def held_against(self) -> ReferenceSummary:
-        """Reference of a result with known identities."""
+        """Reference that errors are compared with, in a result with known identities."""
         assert self.reference is not None
         return self.reference
 
     @property
     def headline(self) -> str:
-        """Metric that ranks trackers; without a truth nothing is ranked, and ``track_count`` stands first."""
+        """Path of the metric that ranks trackers; ``track_count`` without a truth, where nothing is ranked."""
         if not self.truth.known:
             return "track_count"
         return "position_rmse" if self.identities == "known" else "tgospa"
 
     @property
     def headline_name(self) -> str:
-        """Name of the metric that ranks trackers."""
+        """Readable name of the metric that ranks trackers."""
         return "position RMSE" if self.identities == "known" else "T-GOSPA"
 
     @property
     def fingerprint(self) -> str:
-        """Fingerprint of the measurements of all runs together."""
+        """Fingerprint of the measurements of all runs together: equal for equal measurements."""
         return hashlib.sha256(" ".join(self.fingerprints).encode()).hexdigest()[:16]

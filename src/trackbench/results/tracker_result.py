@@ -19,13 +19,13 @@ ORACLE = "oracle"
 
 
 class Failure(ResultModel):
-    """Failure of a tracker: cause and place."""
+    """Failure that ended a tracker: its cause, where in the code, and at which instant, run and object."""
 
     cause: str
     place: str | None = None
-    """File, line and function in the tracker's code, where they are known."""
+    """File, line and function in the tracker's code; None where they are unknown."""
     step: int
-    """Number of the instant, from 0."""
+    """Index of the instant, from 0."""
     time_s: float
     sensor: str | None
     run: int | None
@@ -40,45 +40,45 @@ class Failure(ResultModel):
 
 
 class Health(ResultModel):
-    """Counts of faults that did not end the run; None where the tracker failed before they were counted."""
+    """Counts of faults that did not end the run, such as diverged runs; None where they were not counted."""
 
     diverged_runs: int | None = None
     repaired_covariances: int | None = None
     repaired_runs: int | None = None
     non_finite_estimates: int = 0
     missing_estimates: int | None = None
-    """Number of due estimates that were not given; None with hidden identities."""
+    """Number of estimates that the tracker should have given and did not; None with hidden identities."""
     reused_ids: int | None = None
-    """Number of ids that were used again after their track had ended; None with known identities."""
+    """Number of ids that the tracker used for a second track; None with known identities."""
 
 
 class ConditionScores(ResultModel):
-    """Scores of the estimates under one condition."""
+    """Errors and NEES of the estimates under one condition, such as a manoeuvre or a range band."""
 
     count: int
-    """Number of errors."""
+    """Number of scored errors, of given and of missing estimates."""
     given: int
-    """Number of errors of given estimates; the others are charged for missing estimates."""
+    """Number of errors of given estimates; the other errors are charged for missing estimates."""
     runs: int
     metrics: Metrics = Field(default_factory=MetricsByPath)
-    """Errors, the NEES and its parts along and across the motion, and shares of the NEES beyond points of chi-square
-    where there are enough estimates; by path."""
+    """Metric values by path: errors, the NEES and its parts along and across the motion, and shares of the NEES beyond
+    points of chi-square where estimates are enough."""
 
 
 class FiledRows(ResultModel):
-    """Rows of a file of tracks that were scored or left out."""
+    """Counts of the rows in a file of tracks that were scored or left out."""
 
     rows: int
     outside: int
-    """Number of rows of scored runs outside the time of the truth, which are left out."""
+    """Number of rows in scored runs that are left out, as they are outside the time of the truth."""
     silent_runs: int
-    """Number of runs without a row: what is due in them is missed."""
+    """Number of runs without a row, in which all objects count as missed."""
     remarks: tuple[str, ...] = ()
-    """Contradictions within the file or with the truth, each with what to do about it."""
+    """Contradictions within the file or with the truth, each with advice on what to do."""
 
 
 class TrackerResult(ResultModel):
-    """Result of one tracker. Its metrics are attributes: ``tracker.position_rmse``."""
+    """Description, failure and metrics of one tracker. Metrics are attributes: ``tracker.position_rmse``."""
 
     if TYPE_CHECKING:
         # The built-in metrics; those of plug-ins are in ``metrics``, as are those of sensors and components.
@@ -109,16 +109,16 @@ class TrackerResult(ResultModel):
 
     name: str
     place: int = 0
-    """Place in the scenario file, from 0, which gives the colour."""
+    """Index in the scenario file, from 0, which selects the colour."""
     describe: str
     association: str | None = None
-    """Association of a built-in tracker with hidden identities; None for any other tracker."""
+    """Method of data association of a built-in tracker with hidden identities; None for any other tracker."""
     baseline: bool = False
-    """Whether it filters nothing, as the least that any tracker has to beat."""
+    """Whether the tracker filters nothing, so that any filter has to beat it."""
     sensors: list[str] | None = None
-    """Names of the sensors that the tracker uses; None for all."""
+    """Names of the sensors that the tracker uses; None where it uses all."""
     confirmation: str | None = None
-    """Rule that confirms tracks, such as "3 of 5"; None for a tracker without one."""
+    """Rule by which the tracker confirms tracks, such as "3 of 5"; None for a tracker without such a rule."""
     smoother: str | None = None
     """Smoother of a built-in filter, whose estimates use all measurements of the run; None for any other tracker."""
     engine: ComputedBy | None = None
@@ -126,27 +126,27 @@ class TrackerResult(ResultModel):
     random: bool = False
     """Whether the tracker declares that it draws random numbers, so that no second drive checks its estimates."""
     offline: bool = False
-    """Whether its tracks were made elsewhere: nothing shows that they were made without later measurements."""
+    """Whether the tracks were made by another program: nothing shows that it used no later measurements."""
     paired: bool = True
-    """False for tracks made elsewhere from unknown scans, which are compared with no tracker."""
+    """False for tracks of another program that state no scans they were made of; these are compared with no tracker."""
     time_offset: MetricValue | None = None
-    """Time to add to the time stamps of tracks made elsewhere for the least error along the path, s; a constant shift
-    along the path is allowed for."""
+    """Time to add to the time stamps of another program's tracks for the least error along the path, s, beside a
+    constant shift along the path. None for any other tracker."""
     offset_shown: bool = False
-    """Whether the interval of the offset excludes 0, and the offset is a part of the error that matters."""
+    """Whether ``time_offset`` is shown to differ from 0 and makes up a part of the error that matters."""
     filed: FiledRows | None = None
-    """Rows of the file of tracks made elsewhere; None for any other tracker."""
+    """Counts of the rows in the file of another program's tracks; None for any other tracker."""
     failed: Failure | None
     metrics: Metrics
     """Metrics by dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
     health: Health
     conditions: dict[str, ConditionScores] = Field(default_factory=dict)
-    """Scores of all estimates, named "", and under each condition that occurred, such as "manoeuvre: braking" or
-    "range: 20 to 50 m". Empty with hidden identities."""
+    """Scores of all estimates, named "", and under each condition that occurred, such as "manoeuvre: braking". Empty
+    with hidden identities."""
 
     @property
     def reference_kind(self) -> str:
-        """Kind of reference, if the tracker knows what no tracker can know; empty for a competitor."""
+        """``offline`` for a smoother, ``reference`` for association by true origins; empty for a competitor."""
         if self.smoother is not None:
             return "offline"
         return "reference" if self.association == ORACLE else ""
@@ -157,18 +157,18 @@ class TrackerResult(ResultModel):
 
     @property
     def below_reference(self) -> bool:
-        """Whether the position error over the reference is shown to be below ``LEAST_OVER_BOUND``."""
+        """Whether the position error is shown to be below 0.97 of its reference (``LEAST_OVER_BOUND``)."""
         ratio = self.metrics.get("position_over_reference")
         return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
 
     def beats_bound(self, reference: ReferenceSummary | None) -> bool:
-        """Return whether a tracker that is no reference is shown to be below the Cramer-Rao bound of random motion."""
+        """Return whether a tracker that is no reference is shown to have errors below the Cramer-Rao bound."""
         is_drawn = reference is not None and reference.kind == "bound" and reference.acceleration_sigma_mps2 > 0
         return is_drawn and self.below_reference and not self.is_reference
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Words that stand beside the tracker's name, such as "random"."""
+        """Words shown beside the tracker's name, such as "random" for one that draws random numbers."""
         words = self.reference_kind, "random" if self.random else "", "offline" if self.offline else ""
         return tuple(filter(None, words))
 
@@ -182,7 +182,7 @@ class TrackerResult(ResultModel):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}; {hint}")
 
     def __dir__(self) -> list[str]:
-        """Return the names of metrics and fields, without the methods of pydantic."""
+        """Return the names of metrics and fields, and hide the methods of pydantic."""
         methods = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
         properties = [name for name, value in vars(type(self)).items() if isinstance(value, property)]
         return [*filter(str.isidentifier, self.metrics), *type(self).model_fields, *methods, *properties]

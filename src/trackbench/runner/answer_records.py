@@ -17,7 +17,7 @@ from trackbench.trackers.answers import NO_TRACK
 
 
 def answer_records(work: Work, batch: Batch, name: str, answers: Sequence[Any]) -> dict[BlockRuns, list[Record]]:
-    """Return one record per run, by piece of a batch, of a tracker's answers at each instant."""
+    """Return a tracker's answers at each instant, one record per run, by block of runs."""
     records, first = dict[BlockRuns, list[Record]](), 0
     for piece in batch.pieces:
         scene = work.scenes[piece.scene]

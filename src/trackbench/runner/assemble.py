@@ -175,7 +175,7 @@ def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummar
 
 
 def _fingerprints(work: Work, digest: bytes) -> list[str]:
-    """Return the run's fingerprint, or one per stretch of a cut log; a tracker enters a stretch with earlier tracks."""
+    """Return a run's fingerprint; for a cut log, one for each stretch, all of which depend on the whole log."""
     if not work.stretches:
         return [fingerprint_of(digest)]
     parts = (hashlib.sha256(digest + b"%d of %d" % (n, work.stretches)) for n in range(work.stretches))
@@ -195,7 +195,7 @@ def _summary_of_metric(metric: Metric) -> MetricSummary:
 
 
 def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
-    """Summarise each sensor, with its rate of detections per object in view, over instants, objects and runs."""
+    """Return a summary of each sensor, with its detections per object in view, over instants, objects and runs."""
     summaries = {}
     for number, sensor in enumerate(work.scenes[0].sensors):
         detected = sum(block.detections.get(sensor.name, 0) for block in blocks)
@@ -216,7 +216,6 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
 
 
 def _noise(sensor: Sensor) -> str:
-    """Return the standard deviation of each component in words, angles in degrees."""
     noise = []
     for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
         value, unit = (math.degrees(sigma), "deg") if unit == "rad" else (sigma, unit)
@@ -225,7 +224,7 @@ def _noise(sensor: Sensor) -> str:
 
 
 def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None = None) -> str:
-    """Return a text by which the same traffic is recognised, also in a shorter record or one at another rate.
+    """Return a text that identifies traffic, also if it is recorded for a shorter time or at another rate.
 
     Each whole second adds six digits: a hash of all objects' positions, to a millimetre and in any order. The text of
     a shorter record is therefore the start of the text of a longer one. Without a truth, hash all measurements.

@@ -25,30 +25,31 @@ from trackbench.trackers.filtered import SmoothedTracker
 
 
 class Batch(Protocol):
-    """Runs that a tracker processes together: of one scene, or of several whose sensors measure at the same times."""
+    """Runs that a tracker processes together: of one scene, or of several with the same times of measurement."""
 
     pieces: Sequence[BlockRuns]
     measurements: Measurements
-    """Measurements of all runs, piece after piece."""
+    """Measurements of all runs, block after block."""
     multi_object: bool
-    """Whether a tracker follows several objects: a member is then one run, otherwise one object in one run."""
+    """Whether the tracker follows several objects. A member of the batch is then one run, otherwise one object in one
+    run."""
 
     @property
     def members(self) -> int:
-        """Number of members of the batch."""
+        """Number of members of the batch, each with a state of its own in the tracker."""
 
     def start(self, name: str) -> Any:
         """Return a fresh tracker for all members of the batch."""
 
     def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring | TrackScoring:
-        """Return the object that scores the answers of a tracker."""
+        """Return the object that scores a tracker's answers; ``observe`` may get the recorded run."""
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run; None if it is in another batch."""
+        """Return the scans of the recorded run; None if that run is in another batch."""
 
 
 class KnownIdentities:
-    """Batch of one scene in which each measurement names its object; a member is one object in one run."""
+    """Runs of one scene in which each measurement names its object; a member is one object in one run."""
 
     multi_object = False
 
@@ -60,11 +61,11 @@ class KnownIdentities:
 
     @property
     def members(self) -> int:
-        """Number of objects times the number of runs."""
+        """Number of members of the batch: objects times runs."""
         return len(self._scene.truth.ids) * len(self._piece.runs)
 
     def start(self, name: str) -> Any:
-        """Return a fresh tracker; a smoother gets all its scans at once."""
+        """Return a fresh tracker; one with a smoother gets all scans of the runs at once."""
         work, entry = self._work, self._work.driven(name)
         with_states = partial(with_initial_states, work, self._piece)
         if isinstance(entry, FilterConfig) and entry.smoother is not None:
@@ -89,7 +90,7 @@ class KnownIdentities:
 
 
 class HiddenIdentities:
-    """Batch of one or more scenes in which no detection names its object; a member is one run."""
+    """Runs of one or more scenes in which no detection names its object; a member is one run."""
 
     multi_object = True
 
@@ -104,7 +105,7 @@ class HiddenIdentities:
 
     @property
     def members(self) -> int:
-        """Number of runs."""
+        """Number of members of the batch: runs."""
         return sum(len(piece.runs) for piece in self.pieces)
 
     def start(self, name: str) -> Any:
@@ -131,7 +132,7 @@ class HiddenIdentities:
 
 
 def batches_of(work: Work, group: Sequence[BlockRuns]) -> tuple[Sequence[Batch], Sequence[Batch]]:
-    """Return one batch per block, for plug-ins, and the batches for built-in trackers.
+    """Return the batches for plug-ins, one per block of runs, and the batches for built-in trackers.
 
     With hidden identities built-in trackers get a single batch with all blocks.
     """

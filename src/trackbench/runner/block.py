@@ -20,21 +20,21 @@ from trackbench.trackers.config import FilterConfig
 
 @dataclass
 class Block:
-    """Results of one block of runs."""
+    """Results of one block of runs: outcome of each tracker, detections, and the recorded scans."""
 
     piece: BlockRuns
     outcomes: dict[str, Outcome | Failure]
-    """Outcome of each tracker, by name."""
+    """Outcome or failure of each tracker in the block, by name of the tracker."""
     detections: dict[str, int]
-    """Number of detections of objects, by sensor."""
+    """Number of detections that objects caused, by sensor."""
     digests: list[bytes]
-    """Hash of each run's measurements."""
+    """Hash of the measurements of each run."""
     engines: dict[str, EngineUsed]
-    """Engine that computed each built-in tracker, by name."""
+    """Engine that computed each built-in tracker, by name of the tracker."""
     recorded_scans: RecordedScans | None
-    """Scans of the recorded run; None if it is in another block."""
+    """Scans of the recorded run; None if that run is in another block."""
     answers: list[Record] = field(default_factory=list)
-    """Answers of the trackers that did not fail, one record per run; empty unless ``Work.keeps_answers``."""
+    """Answers of the trackers that did not fail, one record per run; empty unless answers are kept."""
     random: frozenset[str] = frozenset()
     """Names of the plug-ins that declare that they draw random numbers."""
 
@@ -48,7 +48,7 @@ class Block:
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates | RecordedTracks]:
-        """Estimates or tracks of the recorded run, by tracker that did not fail; empty if it is in another block."""
+        """Estimates or tracks in the recorded run, by name of the tracker; empty if that run is in another block."""
         outcomes = {name: item for name, item in self.outcomes.items() if not isinstance(item, Failure)}
         return {name: item.recorded for name, item in outcomes.items() if item.recorded is not None}
 
@@ -56,7 +56,7 @@ class Block:
 def failures_and_outcomes(
     trackers: Iterable[str], blocks: Sequence[Block]
 ) -> tuple[dict[str, Failure], dict[str, list[Any]]]:
-    """Return the first failure of each tracker that failed in any block, and the outcomes of each other tracker."""
+    """Return the failure of each tracker that failed in any block, and all outcomes of each other tracker."""
     failures: dict[str, Failure] = {}
     outcomes: dict[str, list[Any]] = {}
     for name in trackers:
@@ -70,7 +70,7 @@ def failures_and_outcomes(
 
 
 class Blocks:
-    """Group of blocks that are made together, with their measurements.
+    """Blocks of runs that are simulated and tracked together, with their measurements.
 
     With hidden identities a built-in tracker processes the runs of all blocks as one batch. ``on_recorded_run`` gets
     the recorded run, if it is in one of these blocks and identities are known.

@@ -54,7 +54,7 @@ def records_of_estimates(run: FinishedRun) -> Records:
 
 
 def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Record]:
-    """Return a record of each scan of a run with known identities, with a row per object."""
+    """Return one record per scan of a run with known identities, with a row per object."""
     return [
         {**scan_record(scan), "arrival_time_s": float(scan.arrival_time), "object": list(ids), "valid": scan.valid}
         for scan in scans
@@ -64,7 +64,7 @@ def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Recor
 def estimate_records(
     recorded: Mapping[str, RecordedEstimates], truth: Truth, instants: Indices, run: int
 ) -> list[Record]:
-    """Return every tracker's estimates of one run at some steps of the truth, with their errors."""
+    """Return the estimates of every tracker in one run at some steps of the truth, with their errors."""
     state = truth.state_of_run(run)[:, instants]
     records: list[Record] = []
     for name, estimates in recorded.items():
@@ -92,7 +92,6 @@ def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
 
 
 def _error_columns(sums: Array) -> Record:
-    """Return the errors, mean NEES and references ``(rows,)`` from their sums ``(fields, rows)``."""
     sum_of = dict(zip(ERROR, sums, strict=True))
     count = sum_of["count"]
 
@@ -121,7 +120,7 @@ def _bounds_of_mean(name: str, dof: int, count: Array) -> Record:
 
 
 def run_sums_record(evaluation: Evaluation, scores: BlockScores, plugin_columns: Sequence[str]) -> Record:
-    """Return the errors in each run, for paired comparisons, and its terms of each metric of a plug-in."""
+    """Return a tracker's errors in each run, and the terms of each user's metric, for paired comparisons."""
     missing = np.full(len(scores.due), np.nan)
     nis, nis_count = (
         sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))
@@ -157,7 +156,7 @@ def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) 
 
 
 def _mode_records(work: Work, blocks: Sequence[Block], trackers: Sequence[str]) -> Records:
-    """Return mode probabilities: means over runs and objects, and the recorded run; no tables without modes."""
+    """Return the tables of mode probabilities: means over runs and objects, and values in the recorded run."""
     scene, time = work.scenes[work.recorded_scene], work.longest_time
     means: list[Record] = []
     single: list[Record] = []

@@ -33,13 +33,14 @@ class Evaluated:
     failures: Mapping[str, Failure]
     """Failure of each tracker that failed, by name."""
     evaluations: Mapping[str, Evaluation]
-    """Metrics of each tracker that did not fail, by name."""
+    """Metric values and intervals of each tracker that did not fail, by name."""
     ranked: Sequence[str]
     """Names of the trackers with enough estimates, best first."""
     outcomes: Mapping[str, Sequence[Outcome]]
-    """Outcomes of all blocks, by name of each tracker that did not fail."""
+    """Outcome in each block of runs, by name of each tracker that did not fail."""
     scores: Mapping[str, BlockScores]
-    """Sums that the built-in metrics share, by name of each tracker that did not fail; with known identities only."""
+    """Sums behind the built-in metrics of estimates, by name of each tracker that did not fail; empty with hidden
+    identities."""
 
 
 def evaluate_trackers(work: Work, blocks: Sequence[Block]) -> Evaluated:
@@ -81,7 +82,7 @@ def judge(
     differences: Sequence[Difference],
     min_coverage: float,
 ) -> list[ExpectationResult]:
-    """Return the value of each expectation, and whether it holds; it fails for a tracker with too few estimates."""
+    """Return each expectation's outcome; a tracker that gave too few estimates (``min_coverage``) fails it."""
     by_name = {tracker.name: tracker for tracker in trackers}
     return [_judge(item, by_name[item.tracker], differences, min_coverage) for item in expectations]
 
@@ -144,7 +145,7 @@ def _why_not_better(tracker: str, difference: Difference | None) -> str:
 
 
 def _missing_share(tracker: TrackerResult, path: str, min_coverage: float) -> str:
-    """Say how many estimates or innovations the metric lacks; empty unless they are too many."""
+    """Say how many estimates or innovations a metric lacks, if these are too many to judge it; else empty."""
     for name, what in (("coverage", "estimates"), (path, "innovations"), (path.rpartition(".")[0], "innovations")):
         metric = tracker.metrics.get(name)
         share = None if metric is None else metric.value if name == "coverage" else metric.coverage
@@ -154,7 +155,6 @@ def _missing_share(tracker: TrackerResult, path: str, min_coverage: float) -> st
 
 
 def _value_at_path(tracker: TrackerResult, path: str) -> float | str | None:
-    """Return the value at a metric path; None where there is none."""
     if path.startswith(HEALTH):
         count: float | None = getattr(tracker.health, path.removeprefix(HEALTH))
         return count

@@ -16,13 +16,13 @@ from trackbench.truth.tracks import SAME_STAMP_S, TrackRows
 
 
 def external_estimates(work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> Gaussian:
-    """Return a file's estimates of some runs: mean ``(4, instants, objects, runs)`` and its covariance.
+    """Return another program's estimates in some runs: mean ``(4, instants, objects, runs)`` and covariance.
 
     Args:
         work: data shared by all blocks.
-        piece: the runs.
+        piece: block of runs.
         name: name of the tracker.
-        measurements: measurements of the runs, whose fingerprints the file may name.
+        measurements: measurements of the runs, whose fingerprints the file may state.
 
     Raises:
         InputError: a row has another fingerprint, an unknown object, no scan at its time, no velocity or no covariance.
@@ -58,7 +58,6 @@ def external_estimates(work: Work, piece: BlockRuns, name: str, measurements: Me
 
 
 def _why_not_placed(rows: TrackRows, ids: tuple[str, ...]) -> str | None:
-    """Say why rows cannot be scored as estimates of known objects; None where they can."""
     if not len(rows):
         return None
     unknown = sorted({*rows.id} - {*ids})

@@ -52,12 +52,12 @@ def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, 
 
 
 def why_nothing_matches(rows: TrackRows, truth: Truth, shift: float, cutoff: float) -> str | None:
-    """Say why almost no row is near an object, and what to do; None where enough are.
+    """Say why almost no row of a file is near an object, and what to do; None where enough rows are.
 
     Args:
-        rows: rows of one run, in the order of time.
+        rows: rows of one run in the file of tracks, in the order of time.
         truth: truth of the run's scene.
-        shift: added to the rows' times, s.
+        shift: time to add to the time stamps of the rows, s.
         cutoff: distance from which a row is on no object, m.
     """
     nearest = NearestObject(rows, truth, 0, shift)

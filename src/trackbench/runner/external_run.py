@@ -46,16 +46,16 @@ NOTHING_MOVES = "no track is on an object that moves"
 
 
 class TrackOffset(NamedTuple):
-    """Offset of an external clock, from the position errors along the paths."""
+    """Offset between another program's clock and the truth's, estimated from position errors along the paths."""
 
     time: MetricValue
-    """Offset to be added to the time stamps, s, beside the known shift."""
+    """Time to add to the time stamps of the tracks, s, besides a shift that is known."""
     shown: bool
-    """Whether the offset is large and certain enough to be mentioned."""
+    """Whether the offset is large and certain enough to be reported."""
 
 
 def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: float) -> Array:
-    """Return ``(4, P)`` for the rows near an object: time, number of the object, y (m) and the object's speed.
+    """Return, for P rows near an object, ``(4, P)``: time, number of the object, y (m) and speed of the object.
 
     Time stamps are moved by a time t, found by a search and then by Gauss-Newton. y is the error along the path after
     that move, plus t times the speed: to first order a shift along the path plus the clock offset times the speed.
@@ -64,7 +64,7 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
         rows: rows of the run, in the order of time.
         truth: truth of the scene.
         run: number of the run, which selects the truth's motion.
-        shift: added to the rows' times, s.
+        shift: time to add to the time stamps of the rows, s.
         cutoff: distance from which a row is on no object, m.
     """
     near = NearestObject(rows, truth, run, shift)
@@ -92,13 +92,13 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
 
 
 class NearestObject:
-    """Nearest object of each row within the time of the truth; uses ``MOST_ROWS`` rows at most.
+    """Nearest object of each row of a run within the time of the truth, for at most ``MOST_ROWS`` rows.
 
     Args:
         rows: rows of the run, in the order of time.
         truth: truth of the scene.
         run: number of the run, which selects the truth's motion.
-        shift: added to the rows' times, s.
+        shift: time to add to the time stamps of the rows, s.
     """
 
     def __init__(self, rows: TrackRows, truth: Truth, run: int, shift: float) -> None:
@@ -121,7 +121,7 @@ class NearestObject:
         """Return ``(rows,)`` nearest object and squared distance, ``(2, rows)`` position error and object's velocity.
 
         Args:
-            moved: added to the time stamps, s.
+            moved: time to add to the time stamps, s.
             frame: ``(2, 2)`` matrix that turns or mirrors the rows' positions.
         """
         when = self.stamp + moved
@@ -139,14 +139,14 @@ class NearestObject:
 
 
 def offset_of(pairs: Array) -> TrackOffset:
-    """Estimate the clock offset and the shift along the path by least squares, with the offset's 95 % interval.
+    """Estimate the clock offset and the shift along the path by least squares; the offset gets a 95 % interval.
 
     With ``OBJECTS`` objects or more all share one shift; the interval is the wider of two, over blocks of time and over
     whole objects. With fewer objects each has a shift of its own, so that only changes of speed tell the offset.
     With ``FEWEST`` runs or more all share one shift, and the interval is over runs.
 
     Args:
-        pairs: ``(5, P)`` number of the run, then the rows of `offset_pairs`.
+        pairs: ``(5, P)`` number of the run, then time, number of the object, y and speed (:func:`offset_pairs`).
     """
     run, time, number, y, speed = pairs
     if not len(y):
@@ -194,13 +194,13 @@ def _slope(sums: Array) -> Array:
 
 
 class ExternalHistories:
-    """Tracks of a file at the instants of a scene's runs, with the truth at their time stamps.
+    """Tracks that another program wrote, at the instants of a scene's runs, with the truth at their time stamps.
 
     Args:
         work: data shared by all blocks.
-        piece: the runs.
+        piece: block of runs.
         name: name of the tracker.
-        measurements: measurements of the runs, whose fingerprints the file may name.
+        measurements: measurements of the runs, whose fingerprints the file may state.
     """
 
     def __init__(self, work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> None:
@@ -213,18 +213,18 @@ class ExternalHistories:
         self._file, self._key = files_in(config.path)[place], f"trackers.{name}"
         self._pairs: list[Array] = []
         self.counts = np.zeros(3, dtype=np.intp)
-        """Number of rows, of rows within the time of the truth, and of runs without such rows."""
+        """Number of rows, of rows within the time of the truth, and of runs without a row in that time."""
 
     @property
     def offsets(self) -> Array:
-        """``(5, P)`` over all runs so far: number of the run, then the rows of `offset_pairs`."""
+        """``(5, P)`` of all runs so far: run, time, object, error along the path, m, and speed of the object, m/s."""
         return np.concatenate(self._pairs, axis=1)
 
     def of_run(self, scene: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
-        """Return the truth and the tracks of a run; ``run`` counts from the first run of the block.
+        """Return the truth and the tracks in one run; ``run`` counts from the first run of the block.
 
         Raises:
-            InputError: the tracks were made of other scans.
+            InputError: the tracks were made from other scans than those of the run.
         """
         number, truth = scene.runs.start + run, scene.truth
         shift = clock_shift(self._rows, truth, self._offset)

@@ -28,11 +28,11 @@ LARGEST = 20_000_000
 
 
 class PlacedTracks(NamedTuple):
-    """Tracks of one run at its T instants; a track may change its column among the K."""
+    """Tracks of one run at its T instants, in K columns; a track may change its column."""
 
     history: TrackHistory
     stamp: Array
-    """``(T, K)`` time stamp of each track, s after the start of the truth; NaN where there is no track."""
+    """``(T, K)`` time stamp of each track, s after the start of the truth; NaN in an empty column."""
 
 
 def rows_of_files(
@@ -44,7 +44,7 @@ def rows_of_files(
         trackers: trackers of the scenario, by name.
         truths: truth of each scene.
         runs: number of runs of each scene.
-        folder: where relative paths start.
+        folder: folder that relative paths start from.
 
     Raises:
         InputError: a file is damaged, lacks the column ``run`` where there are several runs, or has no row within the
@@ -81,7 +81,7 @@ def clock_shift(rows: TrackRows, truth: Truth, offset: float) -> float:
 
 
 def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:
-    """Return the rows with the numbers of a scene and of a run; a file without such a column gives all its rows."""
+    """Return the rows of one scene and run; a file without a column for scene or run gives the rows of all."""
     matches = np.ones(len(rows), dtype=bool)
     for column, number in ((rows.scene, scene), (rows.run, run)):
         if column is not None:
@@ -90,7 +90,7 @@ def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:
 
 
 def why_other_scans(rows: TrackRows, fingerprint: str) -> str | None:
-    """Say why the tracks of a run were not made of its scans; None where the fingerprints agree or are not stated.
+    """Say why the tracks of a run were made from other scans; None if fingerprints agree or are not stated.
 
     Args:
         rows: rows of the run.
@@ -107,17 +107,17 @@ def why_other_scans(rows: TrackRows, fingerprint: str) -> str | None:
 
 
 def inside(rows: TrackRows, shift: float, first: float, last: float) -> Mask:
-    """Return which rows are within the time of a truth, with the margin of half a longest period at each end."""
+    """Return which rows are within the time of a truth; half a longest period beyond each end is allowed."""
     stamp, margin = rows.time + shift, LONGEST_PERIOD_S / 2
     return np.asarray((stamp >= first - margin) & (stamp <= last + margin))
 
 
 def why_no_overlap(rows: TrackRows, offset: float, spans: Sequence[tuple[float, float]]) -> str | None:
-    """Say why no row is within the time of any truth; None where a row is.
+    """Say why no row of a file is within the time of any truth; None where a row is.
 
     Args:
         rows: rows of the file.
-        offset: added to the time stamps, s.
+        offset: time to add to the time stamps, s.
         spans: first and last time of each truth, s of the clock.
     """
     shift = float(rows.start) + offset
@@ -145,7 +145,7 @@ def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> PlacedTrac
     Args:
         rows: rows in the order of time.
         time: ``(T,)`` times of the instants, s after the start of the truth.
-        shift: added to the rows' times, s.
+        shift: time to add to the time stamps of the rows, s.
 
     Raises:
         InputError: there are too many tracks at too many instants.
@@ -214,12 +214,12 @@ def _numbers(ids: object) -> Indices:
 
 
 def truth_at(truth: Truth, run: int, instants: TruthHistory, stamp: Array) -> TruthHistory:
-    """Return the truth at the time stamps of tracks, by linear interpolation between its own instants.
+    """Return the truth at the time stamps of tracks, interpolated linearly between instants of the truth.
 
     Args:
         truth: truth of the scene.
         run: number of the run, which selects the truth's motion.
-        instants: truth at the instants.
+        instants: truth at the T instants of the run.
         stamp: ``(T, K)`` time stamp of each track, NaN where there is none.
 
     Raises:
@@ -241,7 +241,7 @@ def truth_at(truth: Truth, run: int, instants: TruthHistory, stamp: Array) -> Tr
 
 
 def _states(truth: Truth, run: int, time: Array, nominal: Array) -> Array:
-    """Return states at times ``(T,)`` or ``(T, K)``; objects that never exist keep their states in ``nominal``.
+    """Return true states at times ``(T,)`` or ``(T, K)``; objects that never exist keep their states in ``nominal``.
 
     Before its first and after its last instant an object keeps its velocity.
     """

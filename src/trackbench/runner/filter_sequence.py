@@ -18,23 +18,23 @@ from trackbench.trackers.track_steps import TrackState
 
 
 class SequenceStep(NamedTuple):
-    """One step of a sequence: the tracker's processing of one scan."""
+    """One step in a sequence of kernel calls: a tracker's processing of one scan."""
 
     instant: int
     """Index of the instant in the sequence, from 0."""
     scan: Scan
     elapsed: float
-    """Time since the latest scan that advanced the state, s."""
+    """Time since the previous scan that advanced the state, s."""
     reads: bool
-    """Whether the measurements update the state."""
+    """Whether the measurements of the scan update the state."""
     advances: bool
     """Whether the state advances to the time of the scan."""
     last: bool
-    """Whether the tracker is scored by the estimate after this step."""
+    """Whether the tracker is scored by the estimate after this step, the last one at its instant."""
 
 
 def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Scan]]) -> list[SequenceStep]:
-    """Return a tracker's steps through the leading instants in which each step only predicts and updates its filter.
+    """Return a tracker's steps through the first instants, as far as each step only predicts and updates its filter.
 
     The steps end before an instant at which a track may start, a scan is late, or a guarded tracker reads nothing.
     There are no steps before the first track, in the Cartesian fallback, or while a track waits by a prior or at rest.
@@ -67,24 +67,24 @@ def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[S
 
 
 class Slot(NamedTuple):
-    """One slot of an array ``(components..., slots, objects, runs)``."""
+    """One place in an array ``(components..., slots, objects, runs)``, for values before or after a step."""
 
     array: Array
     number: int
 
     @property
     def value(self) -> Array:
-        """Values in the slot, ``(components..., batch)``."""
+        """Values of the slot, ``(components..., objects * runs)``."""
         axes = self.array.ndim - 3
         value: Array = self.array[(slice(None),) * axes + (self.number,)]
         return value.reshape(*value.shape[:axes], -1)
 
 
 class FilterSequence:
-    """Steps of a tracker as kernel calls, with the arrays that they read and write.
+    """Steps of a tracker as a sequence of kernel calls, with the arrays that the calls read and write.
 
     Args:
-        tracker: the tracker; its filter is computed by kernels.
+        tracker: tracker whose filter is computed by kernels.
         state: state before the first step.
         steps: steps of the tracker.
         shape: number of objects and number of runs.
@@ -132,7 +132,7 @@ class FilterSequence:
         self.scored = np.flatnonzero(scored)
         """Indices of the steps that are scored."""
         self.score_calls = (self._first + calls - 1)[self.scored]
-        """Indices of the calls reserved for the scores of these steps."""
+        """Numbers of the kernel calls that compute the scores of these steps."""
         self.cartesian: list[tuple[Slot, Slot]] = []
         """Slots of the mean and the covariance of px, py, vx, vy after each step; filled by ``add``."""
         self._addresses, self._strides = np.zeros((2, len(steps)), dtype=np.int64), set[tuple[int, int, int]]()
@@ -144,7 +144,7 @@ class FilterSequence:
         return np.empty((*components, count, *self.shape))
 
     def add(self, sequence: CallSequence, white: Addresses) -> bool:
-        """Add the calls to a sequence, and return whether there are kernels for all of them.
+        """Add the kernel calls of all steps to a sequence, and return whether a kernel exists for each.
 
         Args:
             sequence: sequence with ``length`` calls.
@@ -165,7 +165,6 @@ class FilterSequence:
         )
 
     def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses) -> bool:
-        """Add predictions and updates with scans of one form, and return whether there is a kernel."""
         scans = [self._steps[number].scan for number in numbers]
         kernel = self._filter.step_kernel(self._state.belief, scans[0], self._tracker.guard)
         if kernel is None:
@@ -195,7 +194,6 @@ class FilterSequence:
         return True
 
     def _add_predictions(self, sequence: CallSequence, numbers: Indices) -> bool:
-        """Add predictions (over no time: the state itself) and their px, py, vx, vy; return whether kernels exist."""
         prediction = self._filter.prediction_kernel(self._state.belief)
         cartesian = self._filter.cartesian_kernel(self._state.belief)
         if prediction is None or cartesian is None:
@@ -240,37 +238,36 @@ class FilterSequence:
             self.cartesian[number] = Slot(arrays[0], slot), Slot(arrays[1], slot)
 
     def innovation_calls(self, numbers: Sequence[int]) -> tuple[Indices, ArrayPlace]:
-        """Return the calls reserved for the innovations of some steps, and the place of the scans' ``valid``."""
+        """Return the numbers of the kernel calls for the innovations of some steps, and the addresses of the masks."""
         return self._first[numbers] + 1, self._each([self._steps[number].scan.valid for number in numbers], 0)
 
     def _each(self, arrays: Sequence[npt.NDArray[Any]], axes: int) -> ArrayPlace:
-        """Return the place of arrays ``(components..., batch)``, one array per call."""
         arrays = [np.ascontiguousarray(array) for array in arrays]
         self._alive.append(arrays)
         result = place_of_each(arrays, axes, self._all_runs)
         return result._replace(address=result.address + self._first_run * arrays[0].itemsize)
 
     def _of_all(self, arrays: Sequence[Any], axes: int) -> ArrayPlace:
-        """Return the place of arrays that all members share, one array per call."""
+        """Return the addresses of one constant array per kernel call, with the same values for all objects and runs."""
         array = np.moveaxis(np.array(arrays, dtype=float), 0, -1)
         self._alive.append(array)
         return place(array, axes, np.arange(len(arrays)))
 
     def places(self, numbers: Indices) -> tuple[ArrayPlace, ArrayPlace]:
-        """Return the places of the mean and the covariance of px, py, vx, vy after some steps."""
+        """Return the addresses of the mean and the covariance of px, py, vx, vy after the steps with these indices."""
         assert len(self._strides) == 2
         mean, covariance = self._places
         addresses = self._addresses[:, numbers]
         return mean._replace(address=addresses[0]), covariance._replace(address=addresses[1])
 
     def repairs(self) -> Array:
-        """Return the number of repaired covariances, ``(instants, batch)``."""
+        """Return how many covariances were repaired at each instant, ``(instants, batch)``."""
         instants, repaired = [step.instant for step in self._steps], self.repaired.reshape(len(self._steps), -1)
         starts = np.flatnonzero(np.diff(instants, prepend=-1))
         return np.add.reduceat(repaired, starts, axis=0, dtype=float) if repaired.any() else np.zeros((len(starts), 1))
 
     def probability(self, number: int) -> Array | None:
-        """Return the mode probabilities ``(M, batch)`` after a step; None for a filter without modes."""
+        """Return the mode probabilities ``(modes, batch)`` after a step; None for a filter without modes."""
         arrays = self._arrays_after(number)
         return Slot(arrays["probability"], self._to[number]).value if "probability" in arrays else None
 

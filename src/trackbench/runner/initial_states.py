@@ -12,7 +12,7 @@ from trackbench.trackers.filtered import FilterTracker
 
 
 def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker) -> FilterTracker:
-    """Return the tracker with initial states drawn around the truth; unchanged unless it starts from the truth."""
+    """Return the tracker with initial states drawn around the truth, if its tracks start from the truth."""
     scene, runs = work.scenes[piece.scene], piece.runs
     truth = scene.truth
     # The start must not depend on sensors that the tracker does not read.

@@ -21,7 +21,7 @@ LARGEST = 32 * 2**20
 def run_block(
     work: Work, piece: BlockRuns, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
 ) -> Block:
-    """Run a single block by ``run_blocks``."""
+    """Simulate, track and score a single block of runs."""
     (block,) = run_blocks(work, [piece], progress, on_recorded_run)
     return block
 
@@ -36,8 +36,8 @@ def run_blocks(
 
     Args:
         work: data shared by all blocks.
-        group: runs of each block; one of ``Work.groups``.
-        progress: called with the number of runs done and of all; each tracker counts for an equal part of a run.
+        group: blocks of runs that are made together.
+        progress: called with the number of finished runs and of all; each tracker counts for an equal part of a run.
         on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
     """
     keep_freed_memory()

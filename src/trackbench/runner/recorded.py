@@ -21,53 +21,55 @@ from trackbench.results.columns import Record
 
 @dataclass
 class Outcome:
-    """Outcome of one tracker in one block."""
+    """Outcome of one tracker in one block of runs: sums of its scores, and its estimates in the recorded run."""
 
     sums: MetricSums
     recorded: RecordedEstimates | RecordedTracks | None
-    """Estimates or tracks of the recorded run; None if it is in another block."""
+    """Estimates or tracks in the recorded run; None if that run is in another block."""
     modes: ModeSums | None = None
-    """Sums of the mode probabilities; None for a tracker without modes."""
+    """Sums of the tracker's mode probabilities; None for a tracker without modes."""
     offset: Array | None = None
-    """``(5, P)`` number of the run, then the rows of :func:`offset_pairs`; external tracks only."""
+    """``(5, P)`` P rows of external tracks that are near an object: number of the run, time, s, number of the object,
+    error along the path, m, and speed of the object, m/s. None for any other tracker."""
     external_rows: Indices | None = None
-    """Number of rows, of rows within the time of the truth, and of runs without such rows; external tracks only."""
+    """Number of rows in a file of tracks, of rows within the time of the truth, and of runs without a row in that time.
+    None for any other tracker."""
 
     @property
     def scores(self) -> BlockScores:
-        """Sums that the built-in metrics of estimates share."""
+        """Sums of squared errors, NEES and innovations, from which the built-in metrics of estimates are computed."""
         scores: BlockScores = self.sums[ESTIMATES.name]
         return scores
 
     @property
     def timeline(self) -> Timeline:
-        """Sums of the track metrics at each instant."""
+        """Parts of GOSPA at each instant, summed over runs, with events; of a tracker with hidden identities."""
         timeline: Timeline = self.sums[TIMELINE]
         return timeline
 
     @property
     def seconds(self) -> float:
-        """Time spent in the tracker, s."""
+        """Computing time of the tracker in the block, s."""
         seconds: float = self.sums[StepTime.name][0] if StepTime.name in self.sums else np.nan
         return seconds
 
 
 @dataclass
 class RecordedEstimates:
-    """Estimates of one tracker in the recorded run."""
+    """Estimates of one tracker in the run that is recorded."""
 
     mean: Array
-    """``(4, instants, objects)``, NaN where there is no estimate."""
+    """``(4, instants, objects)`` estimated px, py, vx, vy, NaN where there is no estimate."""
     covariance: Array
-    """``(4, 4, instants, objects)``"""
+    """``(4, 4, instants, objects)`` covariance of each estimate."""
     due: Mask
     """``(instants, objects)`` True where an estimate is due and scored."""
     nis: dict[str, list[Array]] = field(default_factory=dict)
-    """NIS ``(objects,)`` of each scan, by sensor; NaN where there is none."""
+    """``(objects,)`` NIS in each scan, by sensor; NaN for an object without an innovation."""
 
     @classmethod
     def empty(cls, target: Target, run: int, measurements: Mapping[str, int]) -> RecordedEstimates:
-        """Return arrays without estimates for one run of a block; ``measurements``: number of scans by sensor."""
+        """Return arrays without estimates for one run of a block; ``measurements`` is the number of scans by sensor."""
         instants, objects = target.alive.shape
         nis = {sensor: [np.full(objects, np.nan)] * count for sensor, count in measurements.items()}
         mean, covariance = np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan)
@@ -80,7 +82,7 @@ class RecordedInstant(NamedTuple):
     number: int
     """Index of the instant, from 0."""
     estimates: dict[str, Gaussian]
-    """Mean ``(4, objects)``, NaN where there is none, and covariance, by name of each tracker that has not failed."""
+    """Mean ``(4, objects)``, NaN for no estimate, and covariance, by name of each tracker that has not failed."""
 
 
 #: Function that gets the recorded run while it is made: first all scans, then each tracker's estimates by instant.
@@ -89,14 +91,14 @@ OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 
 @dataclass
 class RecordedScans:
-    """Scans of the recorded run."""
+    """Scans of the recorded run, with the origins of their detections if identities are hidden."""
 
     scans: list[Scan]
-    """Batch axis ``(objects,)``; with hidden identities ``(D,)``."""
+    """Scans whose batch axis is ``(objects,)``, or ``(detections,)`` with hidden identities."""
     origins: list[Indices] = field(default_factory=list)
-    """Object number ``(D,)`` of each scan's detections; with hidden identities only."""
+    """``(D,)`` number of the object that caused each detection of a scan; empty with known identities."""
     status: npt.NDArray[np.int8] | None = None
-    """``(instants, objects)`` ``ABSENT``, ``OPTIONAL`` or ``DUE``; with hidden identities only."""
+    """``(instants, objects)`` ``ABSENT``, ``OPTIONAL`` or ``DUE``; None with known identities."""
 
 
 class ModeSums:
@@ -104,22 +106,22 @@ class ModeSums:
 
     Args:
         size: number of modes.
-        target: what the tracker is scored against.
+        target: ground truth that the tracker is scored against.
         recorded_run: number of the recorded run in the block; None if it is in another block.
     """
 
     def __init__(self, size: int, target: Target, recorded_run: int | None) -> None:
         instants, objects = target.alive.shape
         self.total = np.zeros((size, instants))
-        """Sum over the runs and objects whose estimate is due, by mode and instant."""
+        """Sum of the mode probabilities over runs and objects whose estimate is due, by mode and instant."""
         self.count = np.zeros(instants)
         """Number of terms in ``total`` at each instant."""
         self.recorded = None if recorded_run is None else np.full((size, instants, objects), np.nan)
-        """Probabilities of the recorded run; NaN where there is none."""
+        """Mode probabilities in the recorded run; NaN where an object has no estimate."""
         self._recorded_run = recorded_run
 
     def take(self, instant: int, probability: Array, target: Target) -> None:
-        """Add the mode probabilities ``(M, objects * runs)`` of an instant.
+        """Add the mode probabilities ``(modes, objects * runs)`` at an instant.
 
         Raises:
             Fault: the number of modes has changed.
@@ -135,6 +137,6 @@ class ModeSums:
 
 
 def state_columns(mean: Array, covariance: Array) -> Record:
-    """Return the columns of states ``(4, rows)`` and of the upper half of their covariances."""
+    """Return table columns of states ``(4, rows)`` and of the upper half of their covariances."""
     states = dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True))
     return states | {f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)}

@@ -19,7 +19,9 @@ DECIMALS = 3
 
 
 def rounded_fingerprints(loaded: Scenario, truths: Sequence[LoadedTruth]) -> list[str]:
-    """Return a fingerprint of the measurements of each run of each scene; trackers have no influence.
+    """Return a fingerprint of each run of each scene: a hash of its measurements, rounded to 0.001.
+
+    The scenario's trackers are not run.
 
     Args:
         loaded: the scenario.

@@ -56,7 +56,7 @@ def run_scenario(
         command: command line that reproduces the result.
         keeps_answers: whether the result has the table ``answers``, with the trackers' answers in every run; the engine
             is NumPy then.
-        progress: called with the number of runs done and of all.
+        progress: called with the number of finished runs and the number of all runs.
         on_recorded_run: called with the recorded run while it is made; it should return at once.
 
     Raises:
@@ -75,7 +75,7 @@ def answers_of_scenes(
     executor: Executor,
     isolation: Isolation = ISOLATED,
 ) -> pa.Table | Failure:
-    """Run some scenes alone and return their table ``answers``, or the first failure of a tracker.
+    """Run some scenes alone and return the trackers' answers as a table, or the first failure of a tracker.
 
     Args:
         loaded: the scenario.
@@ -94,7 +94,7 @@ def answers_of_scenes(
 
 
 class PendingRun:
-    """Runs of a scenario that are in progress from now on; ``collect`` waits for the result.
+    """Run of a scenario that starts at once, by an executor; ``collect`` waits for the result.
 
     Args:
         loaded: the scenario.
@@ -135,7 +135,7 @@ class PendingRun:
 
         Args:
             command: returns the command line that reproduces the result of a scenario.
-            progress: called with the number of runs done and of all.
+            progress: called with the number of finished runs and the number of all runs.
             on_recorded_run: called with the recorded run while it is made.
         """
         blocks = self._blocks.collect(progress, on_recorded_run)
@@ -144,12 +144,12 @@ class PendingRun:
 
 
 class PendingBlocks:
-    """Blocks of runs that are in progress from now on; ``collect`` waits for them.
+    """Blocks of runs that an executor starts to make at once; ``collect`` waits for them.
 
     Args:
         loaded: the scenario.
         work: data shared by all blocks.
-        pieces: runs of each block.
+        pieces: blocks of runs.
         executor: makes the blocks.
         observed: whether ``collect`` gets a function that receives the recorded run: its block is made in this process.
         alone: whether nothing else is run at the same time: a single group of blocks is made in this process.
@@ -188,7 +188,7 @@ class PendingBlocks:
         """Wait for the blocks and return them in order; repeat all by NumPy if a user's kernel differs from NumPy.
 
         Args:
-            progress: called with the number of runs done and of all.
+            progress: called with the number of finished runs and the number of all runs.
             on_recorded_run: called with the recorded run while it is made, if ``observed``.
 
         Raises:

@@ -22,17 +22,17 @@ class Scene:
     truth: Truth
     sensors: list[IdealSensor]
     each_measurement: bool = False
-    """Whether trackers are scored after each scan, rather than once where several sensors measure at one instant."""
+    """Whether trackers are scored after each scan, and not once for all scans of one instant."""
     point: ScoredPoint = "centre"
     """Point of each body that estimates are compared with."""
 
     @cached_property
     def scored(self) -> Truth:
-        """Motion of the scored point of each body."""
+        """True motion of the scored point of each body."""
         return truth_of_point(self.truth, self.point)
 
     def instants(self) -> Indices:
-        """Return the indices of the truth's steps at which trackers are scored: each step with a measurement."""
+        """Return the indices of the truth's steps at which trackers are scored: all steps with a measurement."""
         if not self.sensors:
             return np.arange(len(self.truth.time))
         steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))
@@ -40,12 +40,12 @@ class Scene:
 
     @cached_property
     def information(self) -> dict[str, Information]:
-        """Fisher information of each sensor's measurements on the targets, by sensor."""
+        """Fisher information on the targets in each sensor's measurements, by sensor."""
         return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
 
     @cached_property
     def bounds(self) -> dict[Hashable, ConditionalBound]:
-        """Cache of the bounds of trackers' errors, by the sensors that they read and how their tracks start."""
+        """Cache of Cramér-Rao bounds, by the sensors that a tracker reads and how its tracks start."""
         return {}
 
     @property
@@ -55,5 +55,5 @@ class Scene:
 
     @cached_property
     def due(self) -> Due:
-        """Which objects are due, optional or absent at each instant; for hidden identities."""
+        """Which objects must be tracked, may be tracked or are absent at each instant, with hidden identities."""
         return find_due(self.truth, self.sensors)

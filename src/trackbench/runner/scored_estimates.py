@@ -33,11 +33,11 @@ NO_ANSWER_YET = "does it follow several objects? Then write sensing: {identities
 
 
 class EstimateScoring:
-    """Scoring of a single-object tracker's estimates, which keeps the recorded run and sums of the modes.
+    """Scoring of a single-object tracker in one block: sums of scores and modes, and the recorded estimates.
 
     Args:
         work: data shared by all blocks.
-        piece: the runs of this block.
+        piece: block of runs.
         name: name of the tracker.
         targets: scoring targets of the block's trackers.
         observe: called with the estimates of the recorded run at each instant, if it is in the block.
@@ -75,7 +75,7 @@ class EstimateScoring:
 
     @property
     def waits(self) -> bool:
-        """Whether there are estimates that are not scored yet."""
+        """Whether estimates were taken that are not scored yet."""
         return self._scorer.waits
 
     @property
@@ -84,7 +84,7 @@ class EstimateScoring:
         return self._scorer.chunk
 
     def take(self, step: DriveStep[Estimate | None], _: object = None) -> None:
-        """Score the answer to a scan; keep the estimates of the recorded run, and add the mode probabilities.
+        """Score the tracker's answer to a scan, with its mode probabilities, and keep the recorded estimates.
 
         Raises:
             Fault: the estimate cannot be scored, or the number of modes has changed.
@@ -128,11 +128,11 @@ class EstimateScoring:
         return taken.sequence.state(), taken.steps[-1].instant + 1
 
     def close(self) -> list[Outcome]:
-        """Return the tracker's outcome in the block.
+        """Return the tracker's outcome in its one block, as a list.
 
         Raises:
             Fault: the tracker gave no estimate at all, and some were due.
-            InputError: external estimates are of other scans or objects.
+            InputError: estimates of another program were made from other scans, or are of other objects.
         """
         if self._name in self._work.external_tracks:
             self._take_external()
@@ -150,18 +150,18 @@ class EstimateScoring:
                 self.take(DriveStep(instant, *delivery, estimate, math.nan, place == len(group) - 1))
 
     def failed(self, instant: int) -> None:
-        """Tell the observer that the tracker failed: it has no estimates from an instant on."""
+        """Tell the observer that the tracker failed and has no estimates from this instant on."""
         if self._observe is not None and self._recorded is not None:
             objects = self._recorded.mean.shape[-1]
             none = Gaussian(np.full((4, objects), np.nan), np.full((4, 4, objects), np.nan))
             self._observe(RecordedInstant(instant, {self._name: none}))
 
     def hint(self, fault: TrackFault) -> str:
-        """Return the likely cause of an error at the first scan; empty where none is likely."""
+        """Return the likely cause of an error before the tracker's first answer; empty where none is likely."""
         return "" if self._has_answered or not fault.cause.startswith(OF_SHAPES) else NO_ANSWER_YET
 
     def place(self, member: int) -> tuple[str | None, int]:
-        """Return the object and the run of a member of the batch; runs count from the first of the block."""
+        """Return the object and the run of one member of the batch; runs count from the first of the block."""
         object, run = divmod(member, len(self._piece.runs))
         return self._scene.truth.ids[object], run
 

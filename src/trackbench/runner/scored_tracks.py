@@ -22,7 +22,7 @@ NO_TRACKS_YET = "it gave no tracks; does it follow one object only? With hidden 
 
 
 class TrackScoring:
-    """Scoring of a tracker's tracks, run by run, after its last scan; external tracks need no scans."""
+    """Scoring of a tracker's tracks, run by run after the last scan; tracks of another program need no scans."""
 
     def __init__(self, work: Work, pieces: Sequence[BlockRuns], name: str, measurements: Measurements) -> None:
         self._work, self._name, self._piece, self._measurements = work, name, pieces[0], measurements
@@ -35,11 +35,11 @@ class TrackScoring:
         )
 
     def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
-        """Add the answer to a scan; ``predicted`` returns a built-in tracker's predicted tracks in a run."""
+        """Add the tracker's answer to a scan; ``predicted`` returns a built-in tracker's predicted tracks in a run."""
         self._scorer.take(step, predicted)
 
     def close(self) -> list[Outcome]:
-        """Score all tracks, and return the tracker's outcome in each piece.
+        """Score all tracks, and return the tracker's outcome in each block of runs.
 
         Raises:
             Fault: a track of a built-in tracker, whose answers are not checked step by step, is not finite.
@@ -59,12 +59,12 @@ class TrackScoring:
         return [Outcome(*scored) for scored in self._scorer.close()]
 
     def hint(self, fault: TrackFault) -> str:
-        """Return the likely cause of an error before the first track; empty where none is likely."""
+        """Return the likely cause of an error that was raised before the first track; empty where none is likely."""
         none_yet = not any(len(tracks.ids) for tracks in self._scorer.tracks_at)
         return NO_TRACKS_YET if none_yet and fault.kind == "raised" else ""
 
     def place(self, member: int) -> tuple[None, int]:
-        """Return no object, and the run, of a member of the batch."""
+        """Return None, for no object, and the run that is this member of the batch."""
         return None, member
 
     def _stretches(self) -> tuple[list[int], list[int]]:

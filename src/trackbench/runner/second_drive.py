@@ -20,7 +20,7 @@ RUNS = 2
 
 
 def with_second_drive(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
-    """Wrap a plug-in so that a second drive checks it; return built-in and random trackers unchanged.
+    """Wrap a plug-in so that a second drive checks it; built-in trackers and random ones are returned as they are.
 
     In the second drive a batched tracker gets half of the batch, permuted; any other gets two runs in reverse order.
     """

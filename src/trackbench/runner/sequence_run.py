@@ -23,18 +23,18 @@ LEAST_INSTANTS = 4
 
 
 class RecordedSequence(NamedTuple):
-    """Estimates and innovations of the recorded run at all steps, computed beside its neighbour runs."""
+    """A tracker's estimates and innovations in the recorded run at all steps of a sequence of kernel calls."""
 
     sequence: FilterSequence
     white: Array
-    """``(steps, m, objects, runs)`` whitened innovations, filled up with zeros where a sensor has fewer components."""
+    """``(steps, m, objects, runs)`` whitened innovations; zeros in components that a sensor does not have."""
     member: int
     """Index of the recorded run among the runs of the sequence."""
     started: Mask
     """``(objects,)`` True where there is a track."""
 
     def estimate(self, number: int) -> tuple[Array, Array]:
-        """Return mean ``(4, objects)`` and covariance after a step, NaN where there is no track."""
+        """Return the mean ``(4, objects)`` and the covariance after a step, NaN for an object without a track."""
         slots = self.sequence.cartesian[number]
         runs = self.sequence.shape[1]
         mean, covariance = (np.where(self.started, slot.value[..., self.member :: runs], np.nan) for slot in slots)
@@ -46,7 +46,7 @@ class RecordedSequence(NamedTuple):
 
 
 class SequenceResult(NamedTuple):
-    """Result of a sequence of steps, which are all scored."""
+    """Result of a sequence of kernel calls: the steps, all scored, their states, and the recorded run."""
 
     steps: Sequence[SequenceStep]
     sequence: FilterSequence
@@ -54,7 +54,7 @@ class SequenceResult(NamedTuple):
     recorded: RecordedSequence | None
 
     def probability(self, number: int) -> Array | None:
-        """Return mode probabilities ``(M, batch)`` after a step, NaN where there is no track; None without modes."""
+        """Return the mode probabilities ``(modes, batch)`` after a step, NaN without a track; None without modes."""
         probability = self.sequence.probability(number)
         return None if probability is None else where_tracked(self.started, probability)
 
@@ -67,15 +67,15 @@ def run_sequence(
     first: int,
     recorded: int | None,
 ) -> SequenceResult | None:
-    """Take a tracker through instants by one sequence of kernel calls, and score it.
+    """Take a tracker through instants by one sequence of kernel calls, and score its estimates.
 
     Args:
-        tracker: the tracker.
+        tracker: built-in tracker of single objects.
         state: state before the first instant.
         instants: scans of each instant.
         scorer: scorer of the tracker, with no estimate waiting.
         first: index of the first instant.
-        recorded: run whose estimates are kept; None for no run.
+        recorded: number of the run in the block whose estimates are kept; None for no run.
 
     Returns:
         The result; None where the steps have to be taken one by one.

@@ -21,7 +21,7 @@ Records = dict[str, list[Record]]
 
 
 class FinishedRun(NamedTuple):
-    """Finished run, from which its tables are made."""
+    """Blocks, metrics and recording of a finished run, from which its tables are made."""
 
     work: Work
     blocks: Sequence[Block]
@@ -29,7 +29,7 @@ class FinishedRun(NamedTuple):
     scans: RecordedScans
     """Scans of the recorded run."""
     recorded: Mapping[str, Any]
-    """Estimates or tracks of the recorded run, by name of each tracker that has not failed."""
+    """Estimates or tracks in the recorded run, by name of each tracker that has not failed."""
 
 
 #: Column of each field of a truth's motion.
@@ -47,7 +47,7 @@ _MOTION = {
 
 
 def truth_records(truth: Truth, run: int) -> list[Record]:
-    """Return a record of the motion of every target, and of the observer, in one run."""
+    """Return the true motion of every target, one record each, and of the observer, in one run."""
     # Some fields are computed at each access, for all objects at once.
     fields = {name: of_runs(getattr(truth, field), range(run, run + 1))[..., 0] for field, name in _MOTION.items()}
     records: list[Record] = [
@@ -83,7 +83,7 @@ def truth_records(truth: Truth, run: int) -> list[Record]:
 
 
 def other_truth(work: Work) -> Records:
-    """Return the motion in the scenes beside the recorded one, in the run of the same number; empty for one scene."""
+    """Return the true motion in all scenes but the recorded one, in the run of the recorded number."""
     records: list[Record] = [
         {**record, "scene": float(number)}
         for number, scene in enumerate(work.scenes)
@@ -94,7 +94,7 @@ def other_truth(work: Work) -> Records:
 
 
 def road_records(truth: Truth) -> list[Record]:
-    """Return a record of each lane edge."""
+    """Return the course of each lane edge, one record each."""
     lines = truth.roads or [np.zeros((0, 2))]
     return [{"line": float(i), "x_m": line[:, 0], "y_m": line[:, 1]} for i, line in enumerate(lines)]
 
@@ -105,7 +105,7 @@ def run_keys(name: str, work: Work) -> Record:
 
 
 def scan_record(scan: Scan) -> dict[str, Any]:
-    """Return a scan's measurements ``(m, rows)``, and the position in the fixed frame that each of them states."""
+    """Return a scan's measurements ``(m, rows)`` as columns, with the position that each one states."""
     return {
         "sensor": scan.sensor,
         "kind": scan.kind,

@@ -23,7 +23,7 @@ from trackbench.trackers.config import FilterConfig
 
 
 class Targets:
-    """Scoring targets of the trackers in a block; parts that trackers share are computed once."""
+    """Ground truth that each tracker in a block is scored against; what trackers share is computed once."""
 
     def __init__(self, work: Work, piece: BlockRuns, measurements: Measurements) -> None:
         self._work, self._piece = work, piece
@@ -33,7 +33,7 @@ class Targets:
         truth, instants = self._scene.truth, self._scene.instants()
         runs = piece.runs
         self.state = of_runs(self._scene.scored.state[:, instants], runs)
-        """``(4, instants, objects, runs or 1)``"""
+        """``(4, instants, objects, runs or 1)`` true px, py, vx, vy."""
         self._time, self._alive = truth.time[instants], truth.alive[instants]
         shape = (len(truth.ids), len(runs))
         self._valid: dict[str, Mask] = {
@@ -58,7 +58,7 @@ class Targets:
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
     def of(self, tracker: TrackerEntry) -> Target:
-        """Return the scoring target of a tracker."""
+        """Return the ground truth that one tracker is scored against, with the bound for its sensors."""
         case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._motion.velocity_sigma)
         if case not in self._references:
             self._references[case] = self._reference(*case)
@@ -67,7 +67,7 @@ class Targets:
         )
 
     def measured(self, tracker: TrackerEntry, instants: slice) -> Array:
-        """Return the positions that a tracker's sensors measured, ``(2, instants, batch)`` in m, at some instants.
+        """Return the latest measured position of each object at some instants, ``(2, instants, batch)`` m.
 
         See :func:`trackbench.metrics.missing_estimates.measured_positions`. Later instants are not computed, since most
         missing estimates are at the start.
@@ -82,7 +82,7 @@ class Targets:
         return np.stack(positions[instants], axis=1)
 
     def conditions(self, tracker: TrackerEntry) -> Classes:
-        """Return the condition of each object, ``(instants, objects, runs or 1)``, by the sensors of the tracker."""
+        """Return each object's condition class, ``(instants, objects, runs or 1)``, by the sensors of a tracker."""
         sensors = frozenset(self._valid if tracker.sensors is None else tracker.sensors)
         if sensors not in self._conditions:
             read = [sensor for sensor in self._scene.sensors if sensor.name in sensors]
@@ -91,7 +91,7 @@ class Targets:
         return self._conditions[sensors]
 
     def _where_due(self, shape: tuple[int, int]) -> tuple[Mask, Mask]:
-        """Return where estimates are scored, and where it is the first second after a detection.
+        """Return where estimates are scored, and where it is the first second after an object's first detection.
 
         Both are ``(instants, objects, runs)`` and equal for all trackers, whichever sensors they read. An estimate is
         due from the first detection with a position; with any detection if no sensor measures positions. An object that
@@ -126,12 +126,12 @@ class Targets:
         return {name: np.cumsum(of_sensor) for name, of_sensor in number.items()}
 
     def _arrived(self, until: Array) -> dict[str, Indices]:
-        """Return the number of scans that had arrived by some times, by sensor."""
+        """Return the number of scans that had arrived at each of the times ``until``, by sensor."""
         arrival = {name: self._arrival[name][order] for name, order in self._order.items()}
         return {name: np.searchsorted(times, until + SAME_TIME, side="right") for name, times in arrival.items()}
 
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
-        """Return the bound or reference of the errors; zero before the first information, where nothing is scored."""
+        """Return the variance bound or reference of the errors; zero before the first information."""
         scene, work = self._scene, self._work
         if scene.point != "centre":
             # The bound holds for the measured point only.
@@ -152,7 +152,7 @@ class Targets:
 
 
 def _latest_detection(valid: Mask) -> Indices:
-    """Return which of the first 0, 1, 2, ... scans was the latest to detect an object: ``(scans + 1, objects, runs)``.
+    """Return which of the first 0, 1, 2, ... scans last detected each object: ``(scans + 1, objects, runs)``.
 
     Scans count from 1; 0 means that none did.
     """
@@ -164,7 +164,7 @@ def _latest_detection(valid: Mask) -> Indices:
 
 
 def _position(scans: Sequence[Scan], placing: Collection[str], number: int) -> Array:
-    """Return the positions ``(2, batch)`` that a scan states, m; the sensor's own where no sensor measures any."""
+    """Return the measured positions in a scan, ``(2, batch)`` m; the sensor's own where no sensor measures any."""
     scan = scans[number]
     if scan.sensor in placing and not SENSOR_MODELS[scan.kind].measures_position():
         return np.broadcast_to(scan.sensor_pose[:2, None], (2, scan.valid.size))

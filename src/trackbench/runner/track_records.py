@@ -60,8 +60,8 @@ def gate_outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) 
 
     Args:
         scan: scan of the sensor; its pose may be ``(3, K)`` and its velocity ``(2, K)``.
-        mean: ``(4, K)`` of the predicted tracks.
-        covariance: ``(4, 4, K)`` of the predicted tracks.
+        mean: ``(4, K)`` means of the predicted tracks.
+        covariance: ``(4, 4, K)`` covariances of the predicted tracks.
         threshold: largest squared Mahalanobis distance in the gate.
     """
     model = SENSOR_MODELS[scan.kind]
@@ -83,9 +83,10 @@ def gate_outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) 
 
 
 def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices]) -> list[Record]:
-    """Return a record of each scan's detections, with the object that caused each one.
+    """Return one record per scan of its detections, with the object that caused each one.
 
-    Without a truth the cause is unknown; the record then has the number of the sensor's own track.
+    In a recording without a truth the cause is unknown. Its records have instead the track that the sensor itself
+    assigned to each detection.
     """
     # A false alarm has the origin -1: the last name.
     names = [*truth.ids, FALSE_ALARM]
@@ -103,7 +104,6 @@ def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[In
 
 
 def _gospa_record(name: str, blocks: Sequence[Timeline], time: Array) -> Record:
-    """Return GOSPA and its parts at each instant, root mean squares over the runs."""
     sums, count = np.zeros((4, len(time))), np.zeros(len(time))
     for block in blocks:
         parts = np.stack([block.gospa.sum(axis=0), *block.gospa])
@@ -113,7 +113,6 @@ def _gospa_record(name: str, blocks: Sequence[Timeline], time: Array) -> Record:
 
 
 def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Record]:
-    """Return the total and the count of each metric in each run, for paired comparisons."""
     built_in = TRACK_METRICS | DETECTION_METRICS
     paths = dict.fromkeys(path for item in evaluations.values() for path in item.intervals)
     plugin_columns = dict.fromkeys(column for item in evaluations.values() for column in item.run_columns)
@@ -129,7 +128,7 @@ def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Reco
 
 
 def _other_tracks(work: Work, blocks: Sequence[Block], names: Iterable[str]) -> list[Record]:
-    """Return the tracks in the scenes beside the recorded one, in the run of the same number."""
+    """Return the tracks in all scenes but the recorded one, in the run of the recorded number."""
     records: list[Record] = []
     for block in (block for block in blocks if block.piece.scene != work.recorded_scene):
         scene = work.scenes[block.piece.scene]
@@ -154,7 +153,6 @@ def _tracks_record(name: str, recorded: RecordedTracks, time: Array) -> Record:
 
 
 def _taken_record(name: str, recorded: RecordedTracks, scans: Sequence[Scan]) -> Record:
-    """Return the detection that updated each track in each scan."""
     rows = recorded.taken
     assert rows is not None
     numbers = dict(zip(("scan", "track", "detection"), rows.T.astype(float), strict=True))
@@ -162,7 +160,6 @@ def _taken_record(name: str, recorded: RecordedTracks, scans: Sequence[Scan]) ->
 
 
 def _gate_records(work: Work, name: str, recorded: RecordedTracks, scans: Sequence[Scan]) -> list[Record]:
-    """Return the outlines of a built-in tracker's gates, with a row for each point."""
     config = work.trackers[name]
     if not isinstance(config, FilterConfig) or config.associate is None or config.associate.method == "oracle":
         return []
@@ -189,7 +186,7 @@ def _gate_records(work: Work, name: str, recorded: RecordedTracks, scans: Sequen
 
 
 def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
-    """Return all events of the recorded run, and of the other runs the ``MOST_EVENTS`` with the highest costs."""
+    """Return all events of the recorded run, and the ``MOST_EVENTS`` costliest events of the other runs."""
     recorded = work.number(work.recorded_scene, work.recorded_run)
     rows = dearest([event for block in blocks for event in block.events], recorded)
     ids = [work.scenes[scene // max(work.stretches, 1)].truth.ids for scene in work.scene_of_run]
@@ -221,7 +218,7 @@ def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
 
 
 def _stretch_records(name: str, blocks: Sequence[Timeline], ids: Sequence[str], time: Array) -> list[Record]:
-    """Return the states of each object over time in the recorded run: tracked, missed and so on, with their ends."""
+    """Return stretches of time in which an object is tracked, missed and so on, in the recorded run."""
     until = np.append(time[1:], 2 * time[-1] - time[-2] if len(time) > 1 else time[-1])
     strips = next(block.strips for block in blocks if block.strips is not None)
     records: list[Record] = []

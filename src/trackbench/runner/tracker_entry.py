@@ -33,7 +33,7 @@ from trackbench.truth.tracks import TrackRows
 
 
 def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, **fields: Any) -> TrackerResult:
-    """Return the entry of one tracker; ``fields`` are further fields of the entry."""
+    """Return the description, failure and metrics of one tracker for a result; ``fields`` are added to them."""
     config, failure = work.trackers[name], scores.failures.get(name)
     associate = getattr(config, "associate", None)
     entry = {
@@ -86,7 +86,7 @@ def _external_rows(files: Sequence[TrackRows], blocks: Sequence[Outcome], remark
 
 
 def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
-    """Return the sums ``(runs,)`` of the squared metric that ranks trackers, and their numbers of terms."""
+    """Return the sums ``(runs,)`` of the squared metric that ranks trackers, and the numbers of their terms."""
     if TRACKS.name in evaluation.sums:
         total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
         return total, count
@@ -95,7 +95,7 @@ def headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
 
 
 def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
-    """Describe a tracker in a few words; ``late``: names of the sensors whose scans arrive late."""
+    """Describe a tracker in a few words; ``late`` has the names of the sensors whose scans arrive late."""
     if isinstance(tracker, TracksConfig):
         moved = f", time offset {tracker.time_offset_s:g} s" if tracker.time_offset_s else ""
         files = files_in(tracker.path)
@@ -131,7 +131,6 @@ def _initial(tracker: FilterConfig) -> str:
 
 
 def _late(tracker: FilterConfig, late: Collection[str]) -> str:
-    """Say how late scans are processed: "late: replay"; empty where there are none."""
     read = late if tracker.sensors_used is None else set(late) & set(tracker.sensors_used)
     if not read or tracker.smoother is not None:
         return ""

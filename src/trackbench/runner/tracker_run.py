@@ -33,7 +33,7 @@ INSTANTS = 64
 
 
 class TrackerRun:
-    """Drive of one tracker through the runs of a batch.
+    """Drive of one tracker through the runs of a batch: its steps, and the scoring of its answers.
 
     Inside its context, iteration yields the arguments of each step beside the state, and ``take`` scores the answer.
     An error of the tracker ends the context and is kept as ``failure``; an error of a metric is raised. External tracks
@@ -41,9 +41,9 @@ class TrackerRun:
 
     Args:
         work: data shared by all blocks.
-        batch: the runs with their measurements.
+        batch: runs with their measurements.
         name: name of the tracker.
-        twice: whether a plug-in is driven a second time.
+        twice: whether a plug-in is driven through some runs a second time, to check it.
         observe: called with the estimates of the recorded run at each instant, if it is in the block.
     """
 
@@ -52,7 +52,7 @@ class TrackerRun:
         self.tracker: Any = None
         """Tracker with ``step(state, *arguments) -> (state, answer)``; set inside the context."""
         self._started: Any = None
-        """The tracker without the wrapper of the second drive."""
+        """Tracker without the wrapper that checks it by a second drive."""
         self.state: Any = None
         """State of the tracker; None before the first step."""
         self.failure: Failure | None = None
@@ -69,7 +69,7 @@ class TrackerRun:
         self._step_by_step_until = 0
         self._metric_error: Exception | None = None
         self.answers: list[Any] = []
-        """Answer at each instant; empty unless ``work.keeps_answers``."""
+        """Tracker's answer at each instant; empty unless ``work.keeps_answers``."""
 
     @property
     def done(self) -> float:
@@ -123,7 +123,7 @@ class TrackerRun:
                 yield arguments
 
     def take(self, answer: Any) -> None:
-        """Score the tracker's answer to the latest arguments."""
+        """Score the tracker's answer to the arguments that the iteration yielded last."""
         assert self._delivery is not None
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
         instant, delivery, last = self._delivery
@@ -141,7 +141,7 @@ class TrackerRun:
             raise
 
     def close(self) -> list[Outcome] | Failure:
-        """Return the outcome in each piece, or the failure; to be called after the context."""
+        """Return the tracker's outcome in each block of runs, or its failure; call it after leaving the context."""
         if self.failure is None:
             try:
                 return self._scoring.close()
@@ -172,7 +172,7 @@ class TrackerRun:
         return delivery.scan, origins if delivery.read and delivery.number is not None else origins[:, :0]
 
     def _take_sequence(self, instant: int) -> int:
-        """Take and score the instants from this one on by one sequence of calls; return their number, 0 for none."""
+        """Take instants from this one on by one sequence of kernel calls; return their number, 0 for none."""
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
         if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0
@@ -199,7 +199,6 @@ class TrackerRun:
         self._fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
 
     def _fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
-        """Keep the tracker's failure with its place."""
         object, run = (None, None) if fault.member is None else self._scoring.place(fault.member)
         where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
         self.failure = self._work.failure(self._piece, fault, run, **where)

@@ -48,7 +48,7 @@ LARGEST_SMOOTHED = 250_000
 
 
 class BlockRuns(NamedTuple):
-    """Runs of one scene that make a block."""
+    """Block of runs: a range of the runs of one scene, simulated and tracked as one unit."""
 
     scene: int
     runs: range
@@ -56,19 +56,19 @@ class BlockRuns(NamedTuple):
 
 
 class ReferenceMotion(NamedTuple):
-    """Motion that the error bound of single objects assumes."""
+    """White acceleration that the Cramér-Rao bound assumes for the objects."""
 
     acceleration: float
-    """Standard deviation, m/s^2 per axis."""
+    """Standard deviation of the acceleration, m/s^2 per axis."""
     velocity_sigma: float
-    """Standard deviation of the velocity at the start, m/s per axis."""
+    """Standard deviation of an object's velocity at its start, m/s per axis."""
     as_drawn: bool
-    """Whether targets really move so: by this white acceleration alone, drawn at each step of the truth."""
+    """Whether the objects really move by this white acceleration alone, drawn at each step of the truth."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """Data shared by all blocks of a run."""
+    """Data that all blocks of a run share: scenes, trackers, rules of scoring and the engine."""
 
     scenario: str
     seed: int
@@ -77,41 +77,42 @@ class Work:
     scenes: Sequence[Scene]
     trackers: Mapping[str, TrackerEntry]
     folder: Path | None
-    """Folder in which modules of trackers are looked for first."""
+    """Folder that is searched first for modules of trackers; None for no such folder."""
     settle: float
     """Time after an object's first detection that is not scored, s."""
     divergence: float
     """Position error above which a run has diverged, m."""
     lost_after: float
-    """Longest time out of view of all sensors after which an object is still scored, s."""
+    """Longest time out of view of all sensors at which an object is still scored, s."""
     recorded_scene: int
     recorded_run: int
     """Number of the recorded run within its scene."""
     reference: ReferenceMotion | None = None
-    """Motion that the error bound of single objects assumes; None with hidden identities."""
+    """White acceleration that the Cramér-Rao bound assumes; None with hidden identities."""
     min_coverage: float = 0.0
-    """Smallest share of the due estimates with which a single-object tracker is ranked."""
+    """Least share of the due estimates that a single-object tracker must give to be ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
     isolation: Isolation = ISOLATED
     track_score: TrafficScoreOptions | None = None
-    """Options for scoring tracks; None with known identities."""
+    """Criteria by which tracks are scored; None with known identities."""
     engine: Engine = "numpy"
-    """Engine that was chosen for the run; a machine without it uses NumPy."""
+    """Engine that the user chose; a machine that lacks it uses NumPy."""
     driven_twice: BlockRuns | None = None
-    """Block in which plug-ins make a second drive."""
+    """Block of runs in which plug-ins are driven a second time, to check them; None without a second drive."""
     external_tracks: Mapping[str, Sequence[TrackRows]] = field(default_factory=dict)
-    """Tracks that other programs wrote, by name of the tracker: rows of one file, or of one file per scene."""
+    """Tracks that other programs wrote, by name of the tracker: rows of one file for all scenes, or of one file per
+    scene."""
     keeps_answers: bool = False
     """Whether the trackers' answers in every run are kept as the table ``answers``."""
     stretches: int = 0
     """Number of stretches of time into which each scene, a log of one run, is cut for its scores; 0 for no cut."""
     counted_stretches: Sequence[tuple[int, int]] = ()
-    """Scene and number of each stretch that is scored."""
+    """Number of the scene and number of the stretch, for each stretch that is scored."""
     few_scenes_decide: bool = False
-    """Whether one scene of a hundred may decide between two trackers; see ``ScenarioKeys``."""
+    """Whether one rare scene in a hundred may decide which of two trackers is better, as vehicles hide others."""
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
-        """Return the scenario's entry of a tracker that takes scans."""
+        """Return the scenario's settings of a tracker that is driven by scans."""
         entry = self.trackers[name]
         assert not isinstance(entry, TracksConfig)
         return entry
@@ -123,7 +124,7 @@ class Work:
 
     @property
     def sensors(self) -> Mapping[str, Sensor]:
-        """Configurations of the sensors, by name."""
+        """Configuration of each sensor, by name."""
         return {sensor.name: sensor.config for sensor in self.scenes[0].sensors}
 
     @property
@@ -136,24 +137,24 @@ class Work:
 
     @property
     def unpaired(self) -> set[str]:
-        """Names of trackers whose external tracks state no fingerprint of their simulated scans."""
+        """Names of trackers of other programs whose tracks do not state from which simulated scans they were made."""
         recorded = all(sensor.recorded for scene in self.scenes for sensor in scene.sensors)
         tracks = self.external_tracks.items()
         return set() if recorded else {name for name, files in tracks if any(r.fingerprint is None for r in files)}
 
     @property
     def engine_here(self) -> Engine:
-        """Engine on this machine: the chosen one, or NumPy where that is missing."""
+        """Engine used on this machine: the chosen one, or NumPy where that one is missing."""
         return "numpy" if self.engine == "numpy" or unavailable() else "fused"
 
     def engine_of(self, used: EngineUsed | None) -> EngineUsed | None:
-        """Return the engine that computed a built-in tracker here, with the reason if it is not the chosen one."""
+        """Return the engine that computed a built-in tracker here; if it is not the chosen one, with the reason."""
         if used is None or self.engine == self.engine_here:
             return used
         return used._replace(why_numpy=unavailable() or "")
 
     def pieces(self) -> list[BlockRuns]:
-        """Cut the runs into blocks, each with twice as many runs as its predecessor, up to a largest size.
+        """Cut the runs into blocks, each with twice as many runs as the block before it, up to a largest size.
 
         Where a block begins depends on the scenes alone: with more runs only the last block changes.
         """
@@ -171,10 +172,10 @@ class Work:
         return pieces
 
     def groups(self, pieces: Sequence[BlockRuns]) -> list[list[BlockRuns]]:
-        """Group the blocks that are made together.
+        """Group the blocks of runs that are simulated and tracked together.
 
-        These are small blocks with hidden identities of scenes whose sensors measure at the same times, since a
-        built-in tracker's step takes as long for a few runs as for one. Each other block is a group of its own.
+        Small blocks share a group if identities are hidden and the sensors of their scenes measure at the same times. A
+        built-in tracker's step takes as long for a few runs as for one. Any other block is a group of its own.
         """
         alike: dict[Hashable, list[BlockRuns]] = {}
         for piece in pieces:
@@ -188,7 +189,6 @@ class Work:
         return groups
 
     def _group_key(self, piece: BlockRuns) -> Hashable:
-        """Return a value that is equal for blocks that may be made together."""
         scene = self.scenes[piece.scene]
         late = any(sensor.config.latency[0] < sensor.config.latency[1] for sensor in scene.sensors)
         recorded = any(sensor.recorded or sensor.detections is not None for sensor in scene.sensors)
@@ -198,15 +198,15 @@ class Work:
         return tuple(sensor.time.tobytes() for sensor in scene.sensors)
 
     def number(self, scene: int, run: int) -> int:
-        """Return the number of a run among the runs of all scenes; for a cut log, of its first stretch."""
+        """Return a run's number among the runs of all scenes; for a cut log, the number of its first stretch."""
         return scene * max(self.runs, self.stretches) + run
 
     def noise_of(self, scene: int) -> str:
-        """Return the text that seeds a scene's random numbers, beside the seed, the run and the sensor."""
+        """Return the text by which a scene's random numbers are seeded, beside seed, run and sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
 
     def failure(self, piece: BlockRuns, fault: TrackFault, run: int | None, **where: Any) -> Failure:
-        """Return the failure of a tracker; ``run`` counts from the first run of its block."""
+        """Return a tracker's failure as a result holds it; ``run`` counts from the first run of the block."""
         number = None if run is None else self.number(piece.scene, piece.runs.start + run)
         return Failure(cause=fault.cause, place=fault.place, run=number, **where)
 
@@ -217,14 +217,14 @@ class Work:
 
     @property
     def reported_metrics(self) -> list[Metric]:
-        """Metrics that a result lists, each with a value or the reason why it has none."""
+        """Metrics that a result lists, each with a value or with the reason for a missing one."""
         if not self.hidden:
             return [*self.metrics]
         return [*TRACK_METRICS.values(), *(metric for metric in self.metrics if "truth" in metric.needs)]
 
     @property
     def has_truth(self) -> bool:
-        """Whether every scene has a truth, which a recording with hidden identities may lack."""
+        """Whether every scene has a truth; a recording with hidden identities may have none."""
         return all(scene.truth.known for scene in self.scenes)
 
     @property
@@ -246,20 +246,20 @@ class Work:
 
     @property
     def longest_time(self) -> Array:
-        """Instants of the scene with the most instants, s."""
+        """Times of the instants of the scene with the most instants, s."""
         return self.longest_scene.truth.time[self.longest_scene.instants()]
 
     def of_scenes(self, scenes: Collection[int]) -> Work:
-        """Return the work with only some scenes; the first of them stands in for the others."""
+        """Return the work for some scenes only; the first of them takes the place of all others."""
         first = self.scenes[min(scenes)]
         return replace(self, scenes=[each if number in scenes else first for number, each in enumerate(self.scenes)])
 
     def scored_steps(self, scene: Scene) -> Indices:
-        """Return the indices of the truth's steps at which the estimates of trackers are scored."""
+        """Return the indices of the truth's steps at which estimates are scored."""
         return scene.instants() if not self.hidden else scene.due.steps
 
     def recorded_in(self, piece: BlockRuns) -> int | None:
-        """Return the number of the recorded run within a block; None if it is in another block."""
+        """Return the number of the recorded run within a block; None if that run is in another block."""
         return self.recorded_run - piece.runs.start if self.has_recorded_run(piece) else None
 
     def has_recorded_run(self, piece: BlockRuns) -> bool:
@@ -272,10 +272,10 @@ class Work:
         return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
 
     def prepare_tracker(self, late: LateScans, change: Callable[[Any], Any] = lambda tracker: tracker) -> Any:
-        """Return a built-in tracker with the engine of this machine; it handles late scans only if there are any.
+        """Return a built-in tracker with the engine of this machine, and its handling of late scans if there are any.
 
         Args:
-            late: the tracker with its handling of late scans.
+            late: tracker with its handling of late scans.
             change: further change of the tracker itself.
         """
         tracker = change(replace(late.tracker, engine=self.engine_here))
@@ -354,7 +354,7 @@ def _reference_motion(scenario: ScenarioConfig, truths: Sequence[Truth]) -> Refe
 
 
 def _drawn_block(work: Work) -> BlockRuns:
-    """Draw the block of the second drive by the seed, with a probability in proportion to its runs."""
+    """Draw, by the seed, the block for the second drive; a block's probability is in proportion to its runs."""
     random = stream(work.seed, work.scenario, 0, "block of the second drive")
     number = int(random.integers(work.runs * len(work.scenes)))
     scene, run = divmod(number, work.runs)

@@ -20,14 +20,14 @@ Step = Callable[[], object]
 
 
 def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
-    """Check the environment or the recording of the truth, and the options of each plug-in, without starting any.
+    """Check the truth's environment or recording, and the options of each plug-in; no plug-in is started.
 
     Returns:
-        Notes of a line each: what a recording implies, what is left out of it, and which sensors are slowed.
+        Notes, one per line: on the rows of a recording that are used or left out, and on sensors that are slowed.
 
     Raises:
-        InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
-            the recording.
+        InputError: highway-env or a plug-in does not accept an option, or the recording is wrong; with every fault,
+            its file and line.
     """
     notes: list[str] = []
 
@@ -40,20 +40,20 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
 
 
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
-    """Start each plug-in once, before a run.
+    """Start each plug-in once, before a run, to find the ones that fail.
 
     Returns:
-        A line for each sensor that the world ``recorded`` slows.
+        A note for each sensor that the world ``recorded`` slows to the rate of recorded traffic.
 
     Raises:
-        InputError: every plug-in that cannot be found or does not take its options, with file and line.
+        InputError: a plug-in cannot be found or does not take its options; with every such plug-in, file and line.
     """
     _run_all(loaded, list(_tracker_checks(loaded, isolation, started=True)))
     return slowed_notes(loaded)
 
 
 def slowed_notes(loaded: Scenario) -> list[str]:
-    """Return a line for each sensor whose rate the world ``recorded`` changes."""
+    """Return a note for each sensor that the world ``recorded`` slows to the rate of recorded traffic."""
     if loaded.config.world != "recorded":
         return []
     why = f"{RECORDED_HZ} Hz: the traffic of this world is recorded at {RECORDED_HZ} Hz"

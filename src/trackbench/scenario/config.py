@@ -1,4 +1,4 @@
-"""Configuration of a whole scenario: its own keys and those that subjects add, checked against each other."""
+"""Configuration of a whole scenario: built-in keys and keys that subjects add, checked against each other."""
 
 from __future__ import annotations
 

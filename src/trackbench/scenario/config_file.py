@@ -17,10 +17,10 @@ C = TypeVar("C", bound=Config)
 
 
 def read_config(kind: type[C], file: Path) -> tuple[C, str]:
-    """Return the configuration in a YAML file, and the text of the file.
+    """Return the configuration of class ``kind`` in a YAML file, and the text of the file.
 
     Raises:
-        InputErrors: everything that is wrong in the file, with line and key.
+        InputErrors: all faults of the file, each with line and key.
     """
     text = read_text(file, "; save the file as UTF-8")
     document = parse_yaml(text, str(file))

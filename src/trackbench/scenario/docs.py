@@ -57,7 +57,7 @@ A relative path starts in the scenario's folder, or in the working directory. En
 
 
 def scenario_pages() -> dict[str, str]:
-    """Return the text of each page by its path in the folder of the documentation."""
+    """Return the text of each page on the scenario file, by its path in the folder of the documentation."""
     schema = json_schema()
     sections = [key for key in schema["properties"] if key in EXAMPLES]
     rows = _table(_rows({**schema, "$defs": {}}, {key: f"[`{key}`](scenario-file/{key}.md)" for key in sections}))
@@ -74,9 +74,9 @@ def scenario_pages() -> dict[str, str]:
 def _described(
     field: Schema, key: str, parts: Schema, described: set[str], page: str, listed: dict[Row, str]
 ) -> Iterator[str]:
-    """Yield text on the classes that a key's value may have and on the classes within them, each class once.
+    """Yield Markdown on the classes that a key's value may have and on the classes inside them, each class once.
 
-    Adds to ``described``, the names of the classes, and to ``listed``, the rows of the page with their headings.
+    ``described`` gains the names of these classes; ``listed`` gains the rows of their tables, with the table's heading.
     """
     for name, several in _references(field):
         if name in described:
@@ -108,7 +108,7 @@ def _described(
 
 
 def _references(field: Schema, several: bool = False) -> Iterator[tuple[str, bool]]:
-    """Yield the classes that a schema refers to, and whether there may be several of each."""
+    """Yield each class that a schema refers to, and whether a value may hold several of it."""
     if "$ref" in field:
         yield field["$ref"].rpartition("/")[2], several
     for form in (*field.get("anyOf", ()), *field.get("oneOf", ())):
@@ -123,7 +123,7 @@ def _yaml(text: str) -> str:
 
 
 def _rows(part: Schema, shown: dict[str, str] = {}) -> list[Row]:  # noqa: B006
-    """Return the rows of a class, without options of plug-ins; ``shown``: texts that replace some keys."""
+    """Return the table rows of a class, one per key, but for options of plug-ins; ``shown``: key as printed, by key."""
     rows = []
     choices = [set(form.get("required", ())) for form in part.get("anyOf", ())]
     for key, field in part["properties"].items():
@@ -137,7 +137,7 @@ def _rows(part: Schema, shown: dict[str, str] = {}) -> list[Row]:  # noqa: B006
 
 
 def _repeated(rows: list[Row], listed: dict[Row, str]) -> dict[Row, str]:
-    """Return the rows that an earlier table has too, with its heading, if they are at least ``FEWEST_REPEATED``."""
+    """Return the rows that an earlier table has too, by row its heading; empty if fewer than ``FEWEST_REPEATED``."""
     headings = Counter(listed[row] for row in rows if row in listed)
     return {row: listed[row] for row in rows if headings[listed.get(row, "")] >= FEWEST_REPEATED}
 

@@ -208,7 +208,7 @@ class ScenarioKeys(Config):
     world: World | None = Field(None, description="The world into which the scenario is changed.")
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
-        """Return the entry of a tracker that takes scans.
+        """Return the configuration of a tracker that trackbench runs on scans.
 
         Raises:
             InputError: another program wrote the tracks.
@@ -231,12 +231,12 @@ class ScenarioKeys(Config):
 
     @property
     def few_scenes_decide(self) -> bool:
-        """Whether one scene of a hundred may decide between two trackers, since simulated vehicles hide others."""
+        """Whether one scene in a hundred may decide between two trackers, because simulated vehicles hide others."""
         return self.hides_targets and self.truth.source == "highway-env"
 
     @property
     def properties(self) -> frozenset[str]:
-        """Properties that metrics may need: a truth or none, and labels or tracks."""
+        """Words that metrics may require: "truth" or "no truth"; "labels" (known identities) or "tracks" (hidden)."""
         truth = self.truth
         has_truth = not (isinstance(truth, RecordingTruth) and truth.without_truth)
         identities = "tracks" if self.sensing.identities == "hidden" else "labels"
@@ -244,11 +244,11 @@ class ScenarioKeys(Config):
 
     @property
     def own_metrics(self) -> list[Metric]:
-        """Metrics beside the built-in ones: from the keys of subjects, and from ``score.metrics``."""
+        """Metrics that are not built in: of subjects with keys in the scenario, and the user's in ``score.metrics``."""
         of_blocks = [resolve(target)(getattr(self, block)) for block, target in offered("metrics")]
         return [*chain.from_iterable(of_blocks), *self.score.metrics]
 
     @property
     def full_name(self) -> str:
-        """Name of the result's folder."""
+        """Name of the scenario with its world, which is the name of the result's folder."""
         return self.name if self.world is None else f"{self.name}-{self.world}"

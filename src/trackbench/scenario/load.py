@@ -27,24 +27,24 @@ WIDTH = 120
 
 @dataclass(frozen=True, repr=False)
 class Scenario:
-    """Valid scenario with its source."""
+    """Validated scenario with the text and changes that it was made from."""
 
     config: ScenarioConfig
     path: Path
     text: str
-    """Text of the file, without the overrides."""
+    """Text of the file as written, before ``--set`` and the like."""
     overrides: tuple[str, ...]
-    """Each ``key.path=value`` that was set beside the file."""
+    """Changes ``key.path=value`` that were applied to the file, by ``--set`` or an argument."""
     document: YamlDocument
-    """Plain values that were validated, each with its place in the file."""
+    """Keys and values after all changes, each with its line in the file."""
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names of the trackers that a sweep gives, by name of the tracker with the sweep."""
+    """Names of the trackers into which a sweep was expanded, by name of the tracker that has the sweep."""
     selected: tuple[str, ...] = ()
-    """Names by which trackers were selected; empty for all trackers of the file."""
+    """Names of trackers that the user selected; empty if all trackers of the file are kept."""
 
     @property
     def places(self) -> dict[str, int]:
-        """Position of each tracker in the file, from 0, with trackers that were not selected."""
+        """Index of each tracker among all trackers of the file, selected or not, by name."""
         return {name: place for place, name in enumerate(self.document.value["trackers"])}
 
     @property
@@ -72,7 +72,7 @@ MOST_ERRORS = 50
 def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
     """Read, override and validate a scenario file.
 
-    Checks that need highway-env or the code of a tracker are left to ``check``.
+    Checks that need highway-env or the code of a tracker are made by :func:`check`, not here.
 
     Args:
         named: the YAML file, or the name of a scenario that comes with the package.
@@ -87,7 +87,7 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
 
 
 def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Return the scenario in a text, changed and validated as by ``load_scenario``; errors name ``path``."""
+    """Return the scenario in a YAML text, changed and validated like a file; errors name ``path``."""
     document, keys = parse_yaml(text, str(path)), ScenarioConfig.model_fields
     if not isinstance(document.value, dict):
         result = "is empty" if document.value is None else "is not a mapping of keys to values"
@@ -111,7 +111,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
 
 
 def _in_world(document: YamlDocument) -> YamlDocument:
-    """Apply the changes of the world that the document names."""
+    """Return the document with the changes of the world that its key ``world`` names, if any."""
     world = document.value.get("world")
     if world not in WORLDS:
         return document
@@ -130,7 +130,7 @@ def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str
 
 
 def _key_path(document: YamlDocument, key: str | None) -> KeyPath:
-    """Return a dotted key as a path in the document; indices of lists become numbers."""
+    """Return a dotted key as a path of keys and, in lists, integer indices; empty for None."""
     path: KeyPath = ()
     node = document.value
     for part in key.split(".") if key else ():
@@ -142,14 +142,14 @@ def _key_path(document: YamlDocument, key: str | None) -> KeyPath:
 
 
 def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
-    """Return the scenario with some of its trackers, and the expectations on these.
+    """Return the scenario with only the named trackers, and the expectations on these trackers.
 
     Args:
         loaded: the scenario.
         names: names of trackers; the name of a sweep stands for all its points.
 
     Raises:
-        InputError: there is no tracker of a name.
+        InputError: the scenario has no tracker with one of the names.
     """
     config = loaded.config
     for name in names:
@@ -168,14 +168,14 @@ def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
 
 
 def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenario], list[str]]:
-    """Return the scenario in each of some worlds, and a sentence on each world that does not fit it.
+    """Return the scenario changed into each world, and a sentence on each world that does not fit it.
 
     Args:
         loaded: the scenario; it is returned unchanged if it is in a world already.
-        worlds: names of the worlds; unless given, the scenario's own list. Without any, it is returned unchanged.
+        worlds: names of the worlds; the scenario's own list if empty. Without either, it is returned unchanged.
 
     Raises:
-        InputError: there is no world of a name.
+        InputError: there is no world with one of the names.
     """
     for world in worlds:
         if world not in WORLDS:
@@ -199,25 +199,25 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
 
 
 def own_modules(loaded: Scenario) -> list[Path]:
-    """Return the modules in a scenario's folder that it names, as in ``use: my_tracker:Tracker``."""
+    """Return the Python files in a scenario's folder that the scenario names, as in ``use: my_tracker:Tracker``."""
     files = (loaded.folder / f"{name}.py" for name in _module_names(loaded) if name.isidentifier())
     return list(dict.fromkeys(file for file in files if file.is_file()))
 
 
 def own_folder(loaded: Scenario) -> Path | None:
-    """Return the scenario's folder if it has a module or package that the scenario names, else None."""
+    """Return the scenario's folder if a module or package that the scenario names is in it, else None."""
     folder, tops = loaded.folder, {name.partition(".")[0] for name in _module_names(loaded)}
     has_modules = any((folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file() for top in tops)
     return folder if has_modules else None
 
 
 def _module_names(loaded: Scenario) -> Iterator[str]:
-    """Return the possible names of modules: the part before the colon of each text of the scenario with a colon."""
+    """Return the possible module names in a scenario: in each text with a colon, the part before the colon."""
     return (text.partition(":")[0] for text in texts_of(loaded.document.value) if ":" in text)
 
 
 def texts_of(node: Any) -> Iterator[str]:
-    """Yield every text in a tree of mappings and lists, keys left out."""
+    """Yield every text that is a value, not a key, in a tree of mappings and lists."""
     nodes = [node]
     while nodes:
         node = nodes.pop()
@@ -228,11 +228,11 @@ def texts_of(node: Any) -> Iterator[str]:
 
 
 def written_with_changes(loaded: Scenario, folder: Path) -> str:
-    """Return the text of a scenario with its ``--set`` applied, for a file in another folder; comments are lost.
+    """Return the YAML text of a scenario with its changes applied, for a file in ``folder``; comments are lost.
 
     Args:
         loaded: the scenario.
-        folder: folder of the new file, from which the path of a recorded truth will lead.
+        folder: folder of the new file; the path of a recorded truth is made relative to it.
     """
     changes = [*loaded.overrides]
     truth = loaded.document.value["truth"]

@@ -1,4 +1,4 @@
-"""Changes of a scenario's keys: by ``--set``, by the ``sweep`` of a tracker, and of its paths."""
+"""Changes of a scenario: values by ``--set``, trackers by ``sweep``, and relative paths for another folder."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from trackbench.scenario.source import YamlDocument, dotted, parse_yaml
 def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDocument:
     """Return a copy of ``document`` with each ``key.path=value`` set; values are YAML, list indices count from 0.
 
-    Whether a key exists is left to the validation.
+    A key that does not exist is found later, by the validation.
 
     Raises:
-        InputError: no ``=``, a value that is not YAML, an index outside its list, a path through a plain value.
+        InputError: no ``=``, a value that is not YAML, an index outside its list, or a key below a plain value.
     """
     value, settings = copy.deepcopy(document.value), dict(document.settings)
     for override in overrides:
@@ -44,7 +44,7 @@ NAMED = {"sensors": ("type", "preset"), "trackers": ("use", "filter")}
 
 
 def _require_entry(root: Any, parts: Sequence[str]) -> None:
-    """Refuse a key of a sensor or tracker that does not exist, with the nearest name."""
+    """Raise an error if a key is of a sensor or tracker that does not exist; the message has the nearest name."""
     entries = root.get(parts[0]) if isinstance(root, dict) and parts[0] in NAMED and len(parts) > 2 else None
     if isinstance(entries, dict) and parts[1] not in entries and parts[2] not in NAMED[parts[0]]:
         hint = nearest_choices(parts[1], entries)
@@ -52,10 +52,10 @@ def _require_entry(root: Any, parts: Sequence[str]) -> None:
 
 
 def set_value(root: Any, dotted_key: str, new: Any) -> KeyPath:
-    """Set the value at a dotted key, and return the path that changed: of the outermost new mapping, or of the key.
+    """Set the value at a dotted key; return the path of the outermost mapping made for it, or of the key itself.
 
     Raises:
-        InputError: an index outside its list, a path through a plain value.
+        InputError: an index is outside its list, or a key is below a plain value.
     """
     node = root
     path: KeyPath = ()
@@ -90,12 +90,12 @@ Point = dict[str, tuple[Any, KeyPath]]
 
 
 def expand_sweeps(document: YamlDocument) -> tuple[YamlDocument, dict[str, tuple[str, ...]]]:
-    """Replace each sweep by a tracker for each of its points; return the document and the trackers' names by sweep.
+    """Replace each tracker with a sweep by a tracker for each point; return the document and, by sweep, their names.
 
-    Errors at a point name the line where the value or the option was written.
+    Later errors in such a tracker name the line of the swept value or of the option.
 
     Raises:
-        InputError: a sweep that is not one of the two forms, has no or too many points, or two of one name.
+        InputError: a sweep has neither of the two forms, no points, too many, or two points with one name.
     """
     trackers = document.value.get("trackers")
     if not isinstance(trackers, dict):
@@ -157,11 +157,11 @@ def _name_part(value: Any) -> str:
 
 
 def with_moved_paths(node: Any, move: Callable[[str], str], is_path: bool = False) -> Any:
-    """Return a part of a scenario with a new path for each ``path``, which may be a list; all else stays.
+    """Return a part of a scenario in which ``move`` has changed each value of a key ``path``, text or list.
 
     Args:
-        node: the part.
-        move: returns the new path for an old one.
+        node: the part of the scenario: mapping, list or plain value.
+        move: function from an old path to the new path.
         is_path: whether ``node`` is itself the value of a ``path``.
     """
     if isinstance(node, dict):

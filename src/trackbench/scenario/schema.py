@@ -14,8 +14,8 @@ Schema = dict[str, Any]
 def json_schema() -> Schema:
     """Return the schema (draft 2020-12): keys, types, bounds, defaults and descriptions.
 
-    What depends on another key, such as the options of a motion model or rates that divide, is left to
-    ``trackbench check``.
+    Rules between keys, such as the options of a motion model or rates that divide, are not in the schema:
+    ``trackbench check`` has them.
     """
     schema = ScenarioConfig.model_json_schema(by_alias=True)
     parts = schema["$defs"]
@@ -40,7 +40,7 @@ def json_schema() -> Schema:
 
 
 def _preset(part: Schema) -> None:
-    """Let a preset replace the required keys, as may the key ``measures`` of a radar."""
+    """Make the required keys of a sensor optional where it has a preset, or a radar the key ``measures``."""
     kind = part["properties"]["type"]["const"]
     names = [preset.name for preset in list_presets() if preset.kind == kind]
     if not names:

@@ -1,4 +1,4 @@
-"""Scenarios that come with the package, by name: ``highway``, ``scripted/own_model``."""
+"""Scenarios that come with the package, found by names such as ``highway`` or ``scripted/own_model``."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ PATTERN = "*.y*ml"
 
 
 def shipped() -> dict[str, Path]:
-    """Return the file of each shipped scenario by name, which is its path in the folder without the ending."""
+    """Return the file of each scenario in the package, by name: its path in the folder of scenarios, without ending."""
     return {_name(file): file for file in sorted(FOLDER.rglob(PATTERN))}
 
 
 def available_scenarios() -> dict[str, Path]:
-    """Return the shipped scenarios by name, and the user's in ``scenarios`` of the working directory by path."""
+    """Return the package's scenario files, by name, and the files in ``./scenarios``, by path."""
     folder = Path("scenarios")
     files = [] if folder.resolve() == FOLDER.resolve() else sorted(folder.rglob(PATTERN))
     return shipped() | {str(file): file for file in files}
 
 
 def find_scenario(named: Path | str) -> Path:
-    """Return the file or folder for a path, or for the name of a shipped scenario or folder.
+    """Return the file or folder that a path, or the name of a scenario or folder of the package, stands for.
 
-    A path has precedence, except a folder without scenarios that has the name of a shipped one.
+    An existing path has precedence, unless it is a folder without scenarios and a scenario has its name.
 
     Raises:
-        InputError: there is neither; the message proposes the nearest name.
+        InputError: there is no such path or name; the message proposes the nearest name.
     """
     path = Path(named)
     name, files = path.as_posix(), shipped()
@@ -53,7 +53,7 @@ def find_scenario(named: Path | str) -> Path:
 
 
 def files_of_scenarios(named: Iterable[Path | str]) -> Iterator[Path]:
-    """Yield the file of each scenario in the arguments, and all scenario files of each folder in them.
+    """Yield the file of each scenario among ``named``, and all scenario files in each folder among them.
 
     Raises:
         InputError: there is no such file or folder, or no scenario in it.

@@ -21,10 +21,10 @@ CONTROL = "a control character, which a scenario cannot hold"
 
 
 class Origin(NamedTuple):
-    """Place where a value was written."""
+    """File and line, or command-line option, where a value was written."""
 
     file: str
-    """File, or option of the command line."""
+    """Name of the file, or of the option of the command line."""
     line: int | None = None
     """Number of the line, from 1; None for an option."""
 
@@ -36,11 +36,11 @@ class YamlDocument:
     value: Any
     file: str
     node: yaml.Node | None
-    """YAML node of the whole file, which knows the lines."""
+    """YAML node of the whole file, with the lines of all values; None without a file."""
     settings: dict[KeyPath, str] = field(default_factory=dict)
-    """Option that set a value, by the path of the value; it replaces the value of the file."""
+    """Option, such as ``--set``, that replaced the file's value, by the path of the value."""
     written: dict[KeyPath, KeyPath] = field(default_factory=dict)
-    """Path at which the source of a derived value was written, by the path of the derived value."""
+    """Path in the file where a derived value, such as one of a sweep, was written, by the path of the value."""
 
     def as_written(self, path: KeyPath) -> KeyPath:
         """Return the path at which the value at ``path`` was written in the file."""
@@ -50,7 +50,7 @@ class YamlDocument:
         return path
 
     def origin(self, path: KeyPath) -> Origin:
-        """Return where the value at ``path``, or the nearest mapping or list around it, was written."""
+        """Return file and line, or option, of the value at ``path``, or of the nearest mapping or list around it."""
         path = self.as_written(path)
         for length in range(len(path), 0, -1):
             if path[:length] in self.settings:
@@ -58,7 +58,7 @@ class YamlDocument:
         return Origin(self.file, _line(self.node, path))
 
     def error(self, path: KeyPath, message: str) -> InputError:
-        """Return an error with the place and the key of the value at ``path``."""
+        """Return an error with file, line and key of the value at ``path``."""
         origin = self.origin(path)
         return InputError(message, key=dotted(self.as_written(path)) or None, file=origin.file, line=origin.line)
 
@@ -79,7 +79,7 @@ def _line(node: yaml.Node | None, path: KeyPath) -> int:
 
 
 def dotted(path: KeyPath) -> str:
-    """Return ``("sensors", "front", "rate_hz")`` as users write it: ``sensors.front.rate_hz``."""
+    """Return a path such as ``("sensors", "front", "rate_hz")`` as users write it: ``sensors.front.rate_hz``."""
     return ".".join(part if (part := str(raw)).isprintable() else repr(part) for raw in path)
 
 
@@ -87,7 +87,7 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     """Parse one YAML document.
 
     Raises:
-        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag.
+        InputError: a syntax error, a repeated key, an anchor that contains itself, or an unknown tag.
     """
     try:
         loader = _Loader(text)
@@ -106,10 +106,10 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
 
 
 class _Loader(yaml.SafeLoader):
-    """Loader by the core schema of YAML 1.2."""
+    """YAML loader that resolves scalars by the core schema of YAML 1.2."""
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        """Return a mapping with the entries that it merges in; refuse a key that is given twice."""
+        """Return a mapping node with the entries that ``<<`` merges in; refuse a repeated key."""
         node: yaml.MappingNode = super().compose_mapping_node(anchor)
         lines: dict[str, int] = {}
         for key, _ in node.value:
@@ -149,7 +149,7 @@ for _tag, _pattern, _first in (
 
 
 def _plain(node: Any, path: KeyPath, around: tuple[yaml.Node, ...], file: str) -> Any:
-    """Return a node as a plain value; ``around``: the nodes that contain it, to refuse one that contains itself."""
+    """Return a YAML node as a plain value; refuse a node that contains itself, so is among ``around``, its parents."""
     problem = None
     if any(node is outer for outer in around):
         problem = "an anchor that contains itself"

@@ -14,7 +14,7 @@ from trackbench.truth.jumps import LARGEST
 
 
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
-    """Simulate, draw or read the truth of the first scene."""
+    """Return the truth of the first scene: simulated, drawn or read."""
     try:
         first = _load(_setting(loaded), truth_source(loaded), progress)
         require_rates(loaded)
@@ -26,12 +26,12 @@ def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
 def truths_of(
     loaded: Scenario, progress: Progress = no_progress, executor: Executor | None = None
 ) -> list[LoadedTruth]:
-    """Simulate, draw or read the truth of each scene, in the order of the scenes.
+    """Return the truth of each scene, simulated, drawn or read, in the order of the scenes.
 
     Args:
         loaded: the scenario.
-        progress: called with the number of steps simulated and of all; from other processes, scene by scene.
-        executor: simulates the truths that are not stored; this process unless given.
+        progress: called with the number of simulated steps and of all steps; with an executor, once per scene.
+        executor: simulates the truths that are not in the cache; None to simulate in this process.
 
     Raises:
         InputError: a truth cannot be made; with file and line.
@@ -41,7 +41,7 @@ def truths_of(
 
 
 def truth_source(loaded: Scenario) -> TruthSource:
-    """Return the source of the truth; with hidden identities or occlusion, of every object in a sensor's reach."""
+    """Return the truth source; with hidden identities or occlusion, it has every object that a sensor may reach."""
     config = loaded.config
     if config.sensing.identities == "known" and not config.hides_targets:
         return config.truth
@@ -49,16 +49,16 @@ def truth_source(loaded: Scenario) -> TruthSource:
 
 
 def own_source(loaded: Scenario) -> TruthSource:
-    """Return the source of the truth of the scenario's targets, told whether identities are hidden."""
+    """Return the truth source as the scenario configures it, set to hidden identities if they are hidden."""
     truth = loaded.config.truth
     return truth.with_hidden_identities() if loaded.config.sensing.identities == "hidden" else truth
 
 
 def require_rates(loaded: Scenario) -> None:
-    """Refuse sensors that are faster than recorded traffic, whose rate is known only once it is read.
+    """Read the rate of recorded traffic, and raise an error if a sensor's rate is higher.
 
     Raises:
-        InputError: a sensor is faster.
+        InputError: a sensor's rate is higher.
     """
     recorded_hz = own_source(loaded).recorded_rate(loaded.folder)
     for name, sensor in loaded.config.sensors.items():
@@ -69,11 +69,11 @@ def require_rates(loaded: Scenario) -> None:
 
 
 class PendingTruths:
-    """Truths of a scenario's scenes that are in progress from now on; ``collect`` waits for them.
+    """Truths of a scenario's scenes, whose simulation begins when this is made; ``collect`` waits for them.
 
     Args:
         loaded: the scenario.
-        executor: simulates the truths that are not stored.
+        executor: simulates the truths that are not in the cache.
     """
 
     def __init__(self, loaded: Scenario, executor: Executor) -> None:

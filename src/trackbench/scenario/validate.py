@@ -76,7 +76,7 @@ def validate(scenario: ScenarioKeys) -> Iterator[Problem]:
 
 
 def same_every_run(scenario: ScenarioKeys) -> bool:
-    """Return whether all runs are equal because nothing is drawn: motion, starts of tracks and measurements."""
+    """Return whether all runs are equal, because no motion, start of a track or measurement is random."""
     trackers = scenario.trackers.values()
     from_truth = any(isinstance(item, FilterConfig) and item.initial.source == "truth" for item in trackers)
     all_fed = len(scenario.truth.feeds(scenario.sensor_kinds)) == len(scenario.sensors)
@@ -118,7 +118,7 @@ def _is_whole(value: float) -> bool:
 
 
 def _if_known(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield the keys that need hidden identities, where identities are known."""
+    """Yield a problem for each key that needs hidden identities, in a scenario with known identities."""
     for name, sensor in scenario.sensors.items():
         for key, reason in NEED_HIDDEN.items():
             if key in sensor.model_fields_set:
@@ -141,7 +141,7 @@ def _if_known(scenario: ScenarioKeys) -> Iterator[Problem]:
 
 
 def _if_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield the keys and trackers that need known identities, where identities are hidden."""
+    """Yield a problem for each key or tracker that needs known identities, in a scenario with hidden ones."""
     for name, tracker in scenario.trackers.items():
         alone = "follows one object, but hidden identities need a tracker of several"
         if isinstance(tracker, FilterConfig) and tracker.associate is None:
@@ -156,7 +156,7 @@ def _if_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
 
 
 def _external_tracks(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield contradictions of external tracks, and the missing sensors of other trackers."""
+    """Yield problems of tracks from files, and of other trackers in a scenario without sensors."""
     for name, tracker in scenario.trackers.items():
         use = ("trackers", name, "use")
         if not isinstance(tracker, TracksConfig):
@@ -174,7 +174,7 @@ def _external_tracks(scenario: ScenarioKeys) -> Iterator[Problem]:
 
 
 def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield a scored point beside the centre, if the size of the objects is not known."""
+    """Yield a problem if the scored point is not the centre and the size of the objects is not known."""
     truth = scenario.truth
     if scenario.score.point == "centre" or not isinstance(truth, RecordingOptions):
         return
@@ -206,7 +206,7 @@ def _tracker(scenario: ScenarioKeys, tracker: FilterConfig | PluginConfig | Trac
 
 
 def _assumed(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]:
-    """Yield sensor models, noise and effects that a tracker assumes and that do not fit the sensors."""
+    """Yield a problem for each sensor model, noise or effect that a tracker assumes and the sensors contradict."""
     for key in ("assume", "sensor_models", "measurement_noise"):
         for sensor, assumed in getattr(tracker, key).items():
             if sensor not in scenario.sensors:
@@ -233,7 +233,7 @@ def _assumed(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]
 
 
 def _start(scenario: ScenarioKeys, tracker: FilterConfig) -> Iterator[Problem]:
-    """Yield quantities that a tracker needs for its filter or its start, and that no sensor measures."""
+    """Yield a problem for each quantity that a tracker's filter or start needs and no sensor measures."""
     initial = tracker.initial
     read = tracker.sensors or list(scenario.sensors)
     starting = initial.sensors or read

@@ -31,22 +31,22 @@ I80: dict[str, Any] = {"source": "recorded-traffic", "format": "i80", "smoothing
 
 
 class NoSuchWorldError(InputError):
-    """A world does not fit a scenario."""
+    """Error: a scenario cannot be changed into a world."""
 
 
 def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
-    """Return the changes, ``key.path=value`` each, that turn a scenario, as written, into one of a world.
+    """Return the changes, ``key.path=value`` each, that turn a scenario as written into one of the world.
 
     Raises:
         NoSuchWorldError: the world does not fit the scenario.
-        InputError: the scenario sets a key of the world to another value.
+        InputError: the scenario itself sets a key that the world would change.
     """
     truth, sensors = (part if isinstance(part := scenario.get(key), dict) else {} for key in ("truth", "sensors"))
     return [*_truth(truth, world), *_sensors(sensors, world, truth.get("source") == "recorded-traffic")]
 
 
 def slowed_sensors(scenario: Mapping[str, Any]) -> dict[str, float]:
-    """Return the stated rate, Hz, of each sensor that the world slows to the rate of recorded traffic, by name.
+    """Return the rate, Hz, stated for each sensor that the world ``recorded`` slows, by name.
 
     Args:
         scenario: keys and values as written, before the changes of the world.
@@ -59,7 +59,7 @@ def slowed_sensors(scenario: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _stated_rate(sensor: Mapping[str, Any]) -> float | None:
-    """Return the rate that a sensor or its preset states, Hz; None where neither is a number."""
+    """Return the rate that a sensor or its preset states, Hz; None if neither states a number."""
     preset = presets().get(str(sensor.get("preset")))
     rate = sensor.get("rate_hz", preset and preset.values.get("rate_hz"))
     return rate if isinstance(rate, int | float) else None

@@ -1,4 +1,4 @@
-"""Detections of hidden identities: merging of unresolved objects, false alarms, and the scans of a block of runs."""
+"""Detections with hidden identities: merged unresolved objects, false alarms, and the scans of several runs."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ class Resolved(NamedTuple):
     """Detections of one sensor in one run, after the merging of objects that the sensor cannot tell apart."""
 
     measurement: Array
-    """``(m, instants, objects)``."""
+    """``(m, instants, objects)`` measurement of each object, or of the group merged into its detection."""
     detected: Mask
-    """``(instants, objects)``: False for an object whose detection was merged into another object's."""
+    """``(instants, objects)`` whether the object has a detection; False if it was merged into another object's."""
     second: Indices
-    """``(instants, objects)``: the object with the second largest share of a merged detection; -1 if not merged."""
+    """``(instants, objects)`` index of the object with the second largest share of a merged detection, else -1."""
 
 
 def merge_unresolved(sensor: IdealSensor, measurement: Array, detected: Mask, run: int) -> Resolved:
     """Merge the detections of objects that are in one cell of range, azimuth and range rate.
 
-    Two objects share a cell if they differ by less than its size in every component; chains of such pairs are a group.
+    Two objects share a cell if they differ by less than the cell's size in every component; chained pairs are a group.
     A group gives one measurement with the noise of its strongest member, at the mean of its members weighted by
     received power (proportional to ``range^-4``: all have one cross-section).
 
@@ -51,10 +51,10 @@ def merge_unresolved(sensor: IdealSensor, measurement: Array, detected: Mask, ru
     (1997), "Multiple hypothesis track maintenance with possibly unresolved measurements", for the limit on differences.
 
     Args:
-        sensor: measurements without noise.
-        measurement: ``(m, instants, objects)`` with noise.
-        detected: ``(instants, objects)``.
-        run: number of the run.
+        sensor: measurements of the sensor without noise.
+        measurement: ``(m, instants, objects)`` measurements with noise.
+        detected: ``(instants, objects)`` whether the object is detected.
+        run: number of the run, from 0.
     """
     assert sensor.polar is not None
     ideal_run = run if sensor.polar.shape[-1] > 1 else 0
@@ -97,7 +97,7 @@ def _unresolved_pairs(sensor: IdealSensor, polar: Array, detected: Mask) -> Mask
 
 
 def _group_numbers(linked: Mask) -> Indices:
-    """Return for each object the least number in its group, ``(instants, objects)``."""
+    """Return the smallest object index in the group of each object, ``(instants, objects)``."""
     count = linked.shape[1]
     is_linked_or_self = linked | np.eye(count, dtype=bool)
     group = np.broadcast_to(np.arange(count), linked.shape[:2])
@@ -112,17 +112,17 @@ class FalseAlarms(NamedTuple):
     """False alarms of one sensor in one run."""
 
     instant: Indices
-    """``(n,)`` index of the sensor's instant."""
+    """``(n,)`` index of the sensor's instant of each false alarm."""
     measurement: Array
-    """``(m, n)``."""
+    """``(m, n)`` measurement of each false alarm."""
     key: Array
-    """``(n,)`` random key that sorts them among the detections of a scan."""
+    """``(n,)`` random number of each false alarm, by which it is sorted among the detections of a scan."""
 
 
 def draw_false_alarms(
     sensor: IdealSensor, seed: int, scenario: str, runs: range, sensed: Sensed | None
 ) -> list[list[FalseAlarms]]:
-    """Return for each run its false alarms: of clutter, and of each effect, from separate random streams."""
+    """Return the false alarms of each run in a list: first clutter, then each effect, from separate random streams."""
     result = [_clutter_alarms(sensor, seed, scenario, run) for run in runs]
     if sensed is not None:
         for place, effect in enumerate(sensor.config.effects):
@@ -196,10 +196,10 @@ PADDING = -2
 def scenes_side_by_side(parts: Sequence[Measurements]) -> Measurements:
     """Join the measurements of several scenes along the axis of runs, each run with its own sensor pose.
 
-    A single scene passes through here too, so that a run has the same bits with and without others.
+    A single scene is treated alike, so that a run has the same bits whether or not other scenes are joined.
 
     Args:
-        parts: one element a scene; the same sensors at the same times in all.
+        parts: measurements of each scene, by the same sensors at the same times.
     """
     runs = [len(part.digests) for part in parts]
     firsts = np.cumsum(runs) - runs
@@ -236,10 +236,10 @@ class _Detections(NamedTuple):
 
 
 def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
-    """Return the detections of some runs; a run does not depend on which others are made with it.
+    """Return the measurements of ``runs`` with hidden identities; a run's bits do not depend on the other runs.
 
-    The noise of objects is drawn as with known identities. Clutter and order have streams of their own, so that
-    switching an effect leaves every other draw unchanged.
+    The noise of objects is drawn as with known identities. Clutter and the order of detections have random streams of
+    their own, so that switching an effect leaves every other draw unchanged.
     """
     hashes = [hashlib.sha256() for _ in runs]
     result: list[tuple[Scan, Indices, Indices]] = []
@@ -301,7 +301,7 @@ def _recorded_detections(sensor: IdealSensor, seed: int, scenario: str, runs: ra
 
 
 def stated_detection(config: Sensor) -> tuple[float, float]:
-    """Return the stated detection probability, and the stated false alarms per scan and unit of measurement volume."""
+    """Return P_D and clutter density of a sensor as configured; the density per scan and unit of measurement volume."""
     stated, per_scan = config.states.detection_probability, config.states.clutter_per_scan
     probability = config.detection_probability if stated is None else stated
     per_scan = config.clutter.per_scan if per_scan is None else per_scan

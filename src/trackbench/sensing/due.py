@@ -14,16 +14,16 @@ from trackbench.sensing.view import motion_at, objects_in_view, polar, silent, t
 
 
 class Due(NamedTuple):
-    """Status of each object at the instants at which any sensor measures."""
+    """Whether each object must, may or cannot be reported at the instants at which any sensor measures."""
 
     steps: Indices
-    """``(instants,)`` indices into the truth."""
+    """``(instants,)`` indices of the truth's steps at which any sensor measures."""
     status: npt.NDArray[np.int8]
-    """``(instants, objects, runs or 1)``: ``ABSENT``, ``OPTIONAL`` or ``DUE``."""
+    """``(instants, objects, runs or 1)``: ``DUE`` (must be reported), ``OPTIONAL`` (may be) or ``ABSENT``."""
 
 
 def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
-    """Return which objects are due, optional or absent at each instant.
+    """Return which objects a tracker must report (due), may report (optional) or cannot report (absent).
 
     A target is due where a sensor that is not silent has it in range and in its field of view, not at the rim. With
     the option ``occlusion`` the sensor must also have a line of sight to it. An object is at the rim where the edge of
@@ -50,13 +50,13 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
 
 
 def unscored(truth: Truth, steps: Indices, x: Array, y: Array, margin: float = 0.0) -> Mask:
-    """Return which points do not count: out of range or on a don't-care box, ``(instants, points)``.
+    """Return whether a point is not scored: out of range or on a don't-care box, ``(instants, points)``.
 
     Args:
         truth: ground truth with its scored range and don't-care boxes.
-        steps: ``(instants,)`` indices into the truth.
-        x: ``(instants, points)`` m; NaN where there is no point.
-        y: ``(instants, points)`` m.
+        steps: ``(instants,)`` indices of the truth's steps.
+        x: ``(instants, points)`` position along x in the fixed frame, m; NaN where there is no point.
+        y: ``(instants, points)`` position along y, m.
         margin: distance from a box up to which a point counts as on it, m.
     """
     is_unscored = np.zeros(x.shape, dtype=bool)

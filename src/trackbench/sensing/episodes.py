@@ -1,4 +1,4 @@
-"""Scans of an episode in progress, with the same bits as the scans of the finished episode."""
+"""Scans of an episode in progress, bit for bit equal to the scans made after its end."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ INSTANTS = {
 
 
 class EpisodeSensing:
-    """Sensors in an episode whose motion becomes known while it goes on.
+    """Sensors in an episode whose motion becomes known step by step.
 
-    Each call draws the noise of the longest possible episode. So an instant's noise does not depend on earlier calls,
-    and the effects of a sensor keep their memory.
+    Each call of :meth:`arrived` draws the noise of the longest possible episode from its start. So the noise at an
+    instant does not depend on earlier calls, and an effect with memory is the same in every call.
 
     Args:
         sensors: sensors by name.
@@ -46,7 +46,7 @@ class EpisodeSensing:
         self._on_their_way: list[Scan] = []
 
     def arrived(self, truth: Truth) -> list[Scan]:
-        """Return the scans that have arrived since the last call, in the order of their arrival.
+        """Return the scans that have arrived since the previous call, in the order of their arrival.
 
         Args:
             truth: ground truth from the start of the episode to now, its last step.
@@ -79,7 +79,7 @@ class EpisodeSensing:
 def _with_instants(
     whole: IdealSensor | Bodies | None, part: IdealSensor | Bodies, count: int, instants: Indices
 ) -> dict[str, Any]:
-    """Return the arrays of ``whole`` with some instants taken from ``part``; unknown instants are NaN or False."""
+    """Return the arrays of ``whole`` with ``instants`` (indices) taken from ``part``; unknown ones are NaN or False."""
     result = {}
     for name, axis in INSTANTS.items():
         new = getattr(part, name, None)

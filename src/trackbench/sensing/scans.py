@@ -1,4 +1,4 @@
-"""Synthesised or recorded measurements of a block of Monte-Carlo runs."""
+"""Synthesised or recorded measurements of several Monte-Carlo runs at once."""
 
 from __future__ import annotations
 
@@ -32,54 +32,54 @@ from trackbench.truth.base import Recorded
 
 @dataclass(frozen=True)
 class IdealSensor:
-    """Measurements of one sensor without noise, or as recorded, at each of its instants."""
+    """Measurements of one sensor at the instants at which it measures: without noise, or as recorded."""
 
     name: str
     config: Sensor
     steps: Indices
-    """``(instants,)`` indices into the truth."""
+    """``(instants,)`` indices of the truth's steps at which the sensor measures."""
     time: Array
-    """``(instants,)`` s."""
+    """``(instants,)`` time of each measurement, s."""
     measurement: Array
-    """``(m, instants, objects, runs or 1)``."""
+    """``(m, instants, objects, runs or 1)`` measurement of each object, before noise unless recorded."""
     visible: Mask
-    """``(instants, objects, runs or 1)``: in view while the sensor is not silent."""
+    """``(instants, objects, runs or 1)`` whether the object is in view and the sensor is not silent."""
     in_view: Mask
-    """``(instants, objects, runs or 1)``: present, in range and in the field of view, and not occluded."""
+    """``(instants, objects, runs or 1)`` whether the object is present, in the field of view and not occluded."""
     probability: Array
     """``(instants, objects, runs or 1)`` detection probability of a visible object."""
     pose: Array
-    """``(3, instants)``."""
+    """``(3, instants)`` x and y, m, and yaw, rad, of the sensor in the fixed frame."""
     velocity: Array
-    """``(2, instants)``."""
+    """``(2, instants)`` velocity of the sensor in the fixed frame, m/s."""
     yaw_rate: Array
-    """``(instants,)`` rad/s."""
+    """``(instants,)`` yaw rate of the sensor, rad/s."""
     noise_covariance: Array
-    """``(m, m)``."""
+    """``(m, m)`` covariance of the measurement noise."""
     polar: Array | None = None
-    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s; only for a sensor of limited
-    resolution."""
+    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s; None unless the sensor has a
+    limited resolution."""
     cycle_starts: Indices = field(default_factory=lambda: np.arange(0))
-    """``(cycles,)`` first instant of each cycle of recorded measurements."""
+    """``(cycles,)`` index of the first instant of each recorded measurement cycle; empty if synthesised."""
     bodies: Bodies | None = None
-    """Bodies of the objects; only for a sensor that has effects."""
+    """Scored points, boxes and headings of the objects at each instant, which effects need; None without effects."""
     recorded: bool = False
-    """Whether the measurements are recorded: no noise is added, and a missed object is NaN."""
+    """Whether ``measurement`` is from a recording: no noise is added to it, and a missed object is NaN."""
     detections: RecordedDetections | None = None
-    """Recorded detections whose objects are unknown."""
+    """Recorded detections whose objects are unknown; None if there are none."""
     alarms: RecordedAlarms | None = None
-    """Recorded false alarms."""
+    """Detections that a recording marks as false alarms; None if it marks none."""
 
 
 def ideal_sensors(
     truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, Recorded] | None = None
 ) -> list[IdealSensor]:
-    """Return what the sensors measure before noise, which all runs share.
+    """Return the measurements of each sensor before noise, which all runs share.
 
     Args:
         truth: ground truth.
         sensors: sensors by name.
-        recorded: recorded measurements by sensor, if any.
+        recorded: recorded measurements by name of the sensor; None if all are synthesised.
     """
     return [
         _recorded_sensor(truth, name, config, recorded[name])
@@ -90,7 +90,7 @@ def ideal_sensors(
 
 
 def fingerprint_of(digest: bytes) -> str:
-    """Return the text that stands for a digest of measurements in results and exported files."""
+    """Return the hash of a run's measurements as the text written in results and exported files."""
     return digest.hex()[:16]
 
 
@@ -103,16 +103,16 @@ class Measurements:
     ``(objects * runs,)``, objects slowest. With hidden identities ``measurement`` is ``(m, D, runs)`` and ``valid``
     ``(D, runs)``; each run's detections come first, then invalid columns of NaN."""
     digests: list[bytes]
-    """Fingerprint of each run's measurements."""
+    """Hash of all measurements of each run, by which results are recognised as made from equal data."""
     origins: list[Indices] = field(default_factory=list)
-    """Origin of each detection by scan, ``(D, runs)``, with hidden identities. It is an object's number (of a merged
+    """Origin of each detection by scan, ``(D, runs)``, with hidden identities. It is an object's index (of a merged
     detection, the object with the larger share), ``FALSE_ALARM``, ``PADDING``, or ``UNKNOWN_ORIGIN``. Without ground
-    truth it is the number of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
+    truth it is the index of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
     merged: list[Indices] = field(default_factory=list)
-    """Second object of each merged detection by scan, ``(D, runs)``, with hidden identities; else -1."""
+    """Index of the second object in each merged detection of a scan, ``(D, runs)``; -1 for a single object."""
 
     def detected(self) -> dict[str, int]:
-        """Return the number of detections of objects by sensor, over all scans and runs."""
+        """Return, by name of the sensor, its number of detections of objects in all scans and runs."""
         counts = dict.fromkeys((scan.sensor for scan in self.scans), 0)
         are_of_objects = [origins >= 0 for origins in self.origins] or [scan.valid for scan in self.scans]
         for scan, is_of_object in zip(self.scans, are_of_objects, strict=True):
@@ -121,7 +121,7 @@ class Measurements:
 
 
 def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
-    """Return the measurements of some runs with known identities; a run depends on its number and the seed only."""
+    """Return the measurements of the runs ``runs`` with known identities; each depends only on its number and seed."""
     scans: list[Scan] = []
     hashes = [hashlib.sha256() for _ in runs]
     for place, sensor in enumerate(sensors):
@@ -145,7 +145,7 @@ def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: 
 
 
 def scan_at(sensor: IdealSensor, k: int, place: int, arrival: float, measurement: Array, valid: Mask) -> Scan:
-    """Return the scan at instant ``k`` of the sensor, which is number ``place`` in the scenario; arrival in s."""
+    """Return the scan at index ``k`` of the sensor's instants, arriving at ``arrival`` s; ``place``: sensor's index."""
     return Scan(
         time=float(sensor.time[k]),
         sensor=sensor.name,
@@ -161,13 +161,13 @@ def scan_at(sensor: IdealSensor, k: int, place: int, arrival: float, measurement
 
 
 def make_read_only(*shared: Array | Indices | Mask) -> None:
-    """Make arrays read-only, so that no tracker changes what another one reads."""
+    """Make the arrays read-only, so that no tracker changes the measurements that other trackers read."""
     for values in shared:
         values.setflags(write=False)
 
 
 def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
-    """Return when each scan reaches a tracker, ``(instants,)`` s; all runs share these times."""
+    """Return the arrival time of each scan at the trackers, ``(instants,)`` s, equal in all runs."""
     low, high = sensor.config.latency
     if low == high:
         return sensor.time + low
@@ -175,7 +175,7 @@ def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
 
 
 def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:
-    """Return what a synthesised sensor measures without noise at some steps of the truth."""
+    """Return the noise-free measurements of a synthesised sensor at the truth's ``steps``, which are indices."""
     motion = motion_at(truth, config, steps)
     pose, velocity, _ = motion
     target = by_arithmetic(np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps])
@@ -226,7 +226,7 @@ def _recorded_sensor(truth: Truth, name: str, config: Sensor, measurements: Reco
 
 
 def scan_rate(sensor: IdealSensor) -> float | None:
-    """Return the scans per second, Hz: as configured, or the median of recorded scans; None for a single scan."""
+    """Return the scan rate, Hz: as configured, or from the median interval of recorded scans; None for one scan."""
     if not sensor.recorded:
         return sensor.config.rate_hz
     starts = sensor.time[sensor.cycle_starts]
@@ -234,14 +234,14 @@ def scan_rate(sensor: IdealSensor) -> float | None:
 
 
 class ObjectMeasurements(NamedTuple):
-    """Measurements by one sensor of the objects in some runs."""
+    """Measurements of the objects by one sensor, in several runs, with noise."""
 
     measurement: Array
-    """``(m, instants, objects, runs)``, NaN where not detected."""
+    """``(m, instants, objects, runs)`` measurement of each object; NaN where it is not detected."""
     detected: Mask
-    """``(instants, objects, runs)``."""
+    """``(instants, objects, runs)`` whether the object is detected."""
     sensed: Sensed | None
-    """Measurements before white noise; only for a sensor that has effects."""
+    """Measurements before white noise; None for a sensor without effects."""
 
 
 #: Measurements of one component made at a time, so that they fit into the processor's cache.
@@ -251,7 +251,7 @@ AT_A_TIME = 2**18
 def sensor_measurements(
     sensor: IdealSensor, seed: int, scenario: str, runs: range
 ) -> Iterator[tuple[range, ObjectMeasurements]]:
-    """Yield the measurements of some runs, a few runs at a time."""
+    """Yield the numbers of a few runs with their measurements, until all of ``runs`` are measured."""
     size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(0, len(runs), size):
         part = runs[first : first + size]
@@ -281,7 +281,7 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
 
 
 def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sensed:
-    """Return what a sensor with effects measures in some runs, before its white noise."""
+    """Return the measurements of a sensor with effects in the runs ``runs``, before white noise."""
     assert sensor.bodies is not None
     size, instants, objects = sensor.measurement.shape[:3]
     scale = np.ones((1, instants, objects, 1))
@@ -305,12 +305,12 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
 
 
 def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, runs: range) -> RunStreams:
-    """Return new random streams for effect number ``place`` of the sensor."""
+    """Return a new random stream of each run for the sensor's effect with index ``place``."""
     return RunStreams(fast_streams(seed, scenario, runs, f"effect {place} of {sensor.name}"))
 
 
 def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:
-    """Return measurements ``(m, ...)`` with the sensor's noise; overwrite the standard normal ``draws`` with them."""
+    """Return ``ideal`` plus the sensor's noise, ``(m, ...)``, written into the standard normal ``draws``."""
     by_component = (slice(None), *(None,) * (ideal.ndim - 1))
     draws *= np.array(config.sigmas())[by_component]
     draws += ideal
@@ -326,7 +326,7 @@ SURELY_WRAPPED = 3.0
 
 
 def as_given(config: Sensor, measurement: Array) -> Array:
-    """Apply the effects that act on noisy measurements ``(m, ...)``."""
+    """Return measurements ``(m, ...)`` after the effects that act on noisy ones, such as rounding to a grid."""
     for effect in config.effects:
         measurement = answers.after(effect, measurement, config)
     return measurement

@@ -28,7 +28,7 @@ def firing_steps(config: Sensor, time: Array) -> npt.NDArray[np.intp]:
 
 
 def silent(config: Sensor, time: Array) -> Mask:
-    """Return whether the sensor is silent at each time; a dropout includes its first instant, not its last."""
+    """Return whether the sensor is in a dropout at each time; a dropout includes its start but not its end."""
     is_silent = np.zeros(np.shape(time), dtype=bool)
     for dropout in config.dropouts:
         is_silent |= (time >= dropout.from_s - TOLERANCE) & (time < dropout.to_s - TOLERANCE)
@@ -39,11 +39,10 @@ class SensorMotion(NamedTuple):
     """Pose, velocity and turn rate of a sensor in the fixed frame."""
 
     pose: Array
-    """``(3, steps)`` x m, y m, yaw rad."""
+    """``(3, steps)`` x and y, m, and yaw, rad."""
     velocity: Array
-    """``(2, steps)`` m/s."""
+    """``(2, steps)`` velocity along x and y, m/s."""
     yaw_rate: Array
-    """``(steps,)`` rad/s."""
 
 
 def sensor_motion(observer: Observer, mount: Mount) -> SensorMotion:
@@ -65,16 +64,16 @@ SLACK_M = 1e-6
 
 
 def occluded(truth: Truth, steps: Indices, origin: Array, is_tested: Mask | bool = True) -> Mask:
-    """Return whether other boxes cross all lines of sight to an object's centre and corners.
+    """Return whether the boxes of other objects cross all lines of sight to an object's centre and corners.
 
     Args:
         truth: motion and sizes of the objects.
-        steps: ``(instants,)`` indices into the truth.
+        steps: ``(instants,)`` indices of the truth's steps.
         origin: ``(2, instants)`` x, y of the sensor, m.
-        is_tested: ``(instants, objects, runs or 1)`` objects to test; False elsewhere.
+        is_tested: ``(instants, objects, runs or 1)`` objects to test; the result is False for all others.
 
     Returns:
-        ``(instants, objects, runs or 1)``.
+        Mask ``(instants, objects, runs or 1)``.
     """
     objects, runs = truth.px.shape[1:]
     hider_count = objects if truth.hiders is None else objects + len(truth.hiders.ids)
@@ -100,7 +99,7 @@ def crosses(start: Array, end: Array, half_length: Array | float, half_width: Ar
 
 
 def _occluded(truth: Truth, steps: Indices, origin: Array, tested: tuple[Indices, ...]) -> Mask:
-    """Return ``(M,)`` whether objects are hidden; ``tested``: instant, object and run of each."""
+    """Return whether each tested object is hidden, ``(M,)``; ``tested``: indices of instant, object and run."""
     instant, obj, run = tested
     px, py, c, s = (values[tested] for values in _placed(truth, steps))
     ox, oy = origin[:, instant]
@@ -136,7 +135,7 @@ def _occluded(truth: Truth, steps: Indices, origin: Array, tested: tuple[Indices
 
 
 def _placed(truth: Truth, steps: Indices) -> tuple[Array, Array, Array, Array]:
-    """Return x, y, and cosine and sine of the heading, each ``(instants, objects, runs or 1)``."""
+    """Return x, y, and cosine and sine of the heading of the objects, each ``(instants, objects, runs or 1)``."""
     heading = truth.heading[steps]
     return truth.px[steps], truth.py[steps], np.cos(heading), np.sin(heading)
 
@@ -146,7 +145,6 @@ MARGIN_M = 10.0
 
 
 def field_of_view(config: Sensor) -> FieldOfView:
-    """Return where a sensor can detect anything."""
     half_angle = float(np.deg2rad(config.fov_deg) / 2)
     if config.max_range_m is None:
         return FieldOfView(half_angle, np.inf)
@@ -154,7 +152,7 @@ def field_of_view(config: Sensor) -> FieldOfView:
 
 
 def sensor_reach(sensors: Iterable[Sensor]) -> float:
-    """Return the distance from the observer beyond which no object matters, m; infinite without sensors."""
+    """Return the distance from the observer beyond which no sensor sees an object, m; infinite without sensors."""
     limits = (
         field_of_view(sensor).max_range + float(np.hypot(sensor.mount.x_m, sensor.mount.y_m)) for sensor in sensors
     )
@@ -166,15 +164,15 @@ def polar(truth: Truth, steps: Indices, motion: SensorMotion) -> Array:
 
     Args:
         truth: ground truth.
-        steps: ``(instants,)`` indices into the truth.
-        motion: motion of the sensor at these instants.
+        steps: ``(instants,)`` indices of the truth's steps.
+        motion: motion of the sensor at the same instants.
     """
     target = by_arithmetic(np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps])
     return Radar.measure(target, motion.pose[:, :, None, None], motion.velocity[:, :, None, None])
 
 
 def objects_in_view(truth: Truth, steps: Indices, config: Sensor, motion: SensorMotion, polar_values: Array) -> Mask:
-    """Return which objects are in the field of view and not occluded, ``(instants, objects, runs or 1)``."""
+    """Return whether an object is in the field of view and not occluded, ``(instants, objects, runs or 1)``."""
     result = truth.alive[steps][:, :, None] & config.reaches(polar_values[0], polar_values[1])
     if config.occlusion:
         result &= ~occluded(truth, steps, motion.pose[:2], result)
@@ -191,12 +189,12 @@ def detection_probability(config: Sensor, polar_values: Array) -> Array:
 
 
 def motion_at(truth: Truth, config: Sensor, steps: Indices) -> SensorMotion:
-    """Return the motion of a sensor at some steps of the truth."""
+    """Return the motion of a sensor at the truth's steps with the indices ``steps``."""
     return SensorMotion(*(part[..., steps] for part in sensor_motion(truth.observer, config.mount)))
 
 
 def to_rim(config: Sensor, polar_values: Array) -> Array:
-    """Return the distance from objects in the field of view to its edge, m."""
+    """Return the distance from each object in the field of view to the nearest edge of the field of view, m."""
     field = field_of_view(config)
     outer = field.max_range - polar_values[0]
     if field.half_angle >= np.pi:

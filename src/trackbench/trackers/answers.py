@@ -28,26 +28,31 @@ ASYMMETRY = 1e-6
 
 
 class Tracker(Protocol):
-    """Tracker of one object, or, with a class attribute ``batched = True``, of a batch of objects.
+    """Tracker of one object; with a class attribute ``batched = True``, of a batch of objects.
 
     A tracker that draws random numbers, such as a particle filter, has a class attribute ``random = True``.
     """
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Estimate | tuple[Array, Array] | None]:
-        """Return the state and the estimate after a scan.
+        """Return the tracker's new state and the estimate after a scan.
 
-        ``state`` is None at the first measurement and is never changed in place. The estimate is None before the first
-        one; a batched tracker returns NaN for an object without an estimate yet.
+        ``state`` is None at the first measurement and is never changed in place. The estimate is None until the tracker
+        has one; a batched tracker returns NaN for an object without an estimate yet.
         """
         ...
 
 
 class TrackerFault(Exception):
-    """Invalid output of a tracker."""
+    """Error for an invalid value returned by a tracker."""
 
 
 def require_continued(answer: Any, estimated: bool, finite: bool = True) -> None:
-    """Require an estimate once there was one, and a finite one if ``finite``; a mean of only NaN counts as missing.
+    """Raise an error if an estimate ends once there was one, or, with ``finite``, if it is not finite.
+
+    Args:
+        answer: value that ``step`` returned; a mean of only NaN counts as a missing estimate.
+        estimated: whether the tracker has returned an estimate before.
+        finite: whether an estimate must be finite.
 
     Raises:
         TrackerFault: the estimate has ended or is not finite.
@@ -61,19 +66,19 @@ def require_continued(answer: Any, estimated: bool, finite: bool = True) -> None
 
 
 def is_random(tracker: Any) -> bool:
-    """Return whether ``tracker.random`` is True; any other value, such as a random generator, counts as False."""
+    """Return whether a tracker declares ``random = True``; another value, such as a generator, counts as False."""
     return any(getattr(owner, "random", None) is True for owner in (type(tracker), tracker))
 
 
 def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:
-    """Return the state and the answer from what ``step`` returned; ``what`` names the answer in the error."""
+    """Return the new state and the answer in the pair that ``step`` returned; ``what`` names the answer in errors."""
     if not isinstance(answer, tuple) or len(answer) != 2:
         raise TrackerFault(f"step must return (state, {what}), not {_described(answer)}")
     return answer
 
 
 def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
-    """Return an estimate with valid shapes and a symmetric covariance.
+    """Return the estimate in a tracker's answer, after a check of its shapes and of the covariance's symmetry.
 
     Raises:
         TrackerFault: the answer is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
@@ -85,7 +90,7 @@ def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
 
 
 def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
-    """Return an estimate with valid shapes.
+    """Return the estimate in a tracker's answer, after a check of its shapes alone.
 
     Raises:
         TrackerFault: the answer is not a mean (4, ...) with a covariance (4, 4, ...).
@@ -122,13 +127,13 @@ def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
 
 
 def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
-    """Return the tracks of one run, without padding."""
+    """Return the tracks of the run with an index, without the padding of a batch of runs."""
     is_track = tracks.ids[:, run] != NO_TRACK
     return Tracks(*(None if part is None else part[..., is_track, run] for part in tracks))  # type: ignore[arg-type]
 
 
 def checked_tracks(answer: Any, scan: Scan) -> Tracks:
-    """Return tracks with valid shapes, of one run or many; no tracks if the tracker answered None.
+    """Return the tracks in a tracker's answer, of one run or many, after a check; no tracks for None.
 
     Raises:
         TrackerFault: the answer is invalid; says why.
@@ -171,7 +176,7 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
 
 
 def require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
-    """Require finite estimates with symmetric, positive definite covariances ``(4, 4, K)``."""
+    """Raise an error unless each estimate is finite and each covariance symmetric and positive definite."""
     if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
         wrong = int(np.flatnonzero(~np.isfinite(mean.sum(axis=0) + covariance.sum(axis=(0, 1))))[0])
         part, value = ("mean", mean) if not np.isfinite(mean[:, wrong]).all() else ("covariance", covariance)
@@ -203,7 +208,6 @@ def _whole_numbers(what: str, value: Any, shape: tuple[int, ...]) -> Indices:
 
 
 def _shaped_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return an array of numbers of this shape, with NaN for masked entries."""
     try:
         if np.iscomplexobj(value):
             raise TypeError

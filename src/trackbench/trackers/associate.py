@@ -55,7 +55,7 @@ def _require_rule(value: Any) -> Any:
 
 
 class GaussianBirths(Config):
-    """Region in which objects begin: a Gaussian with one standard deviation for both axes."""
+    """Region in which new objects appear: a Gaussian with equal standard deviations along x and y."""
 
     x: float = Field(ge=-1e8, le=1e8, description="Mean along x in the fixed frame, m.")
     y: float = Field(ge=-1e8, le=1e8, description="Mean along y in the fixed frame, m.")
@@ -131,7 +131,7 @@ class AssociateConfig(Config):
 
     @property
     def confirms_by(self) -> list[int] | Literal["score", "existence"]:
-        """Rule of confirmation: ``confirm``, or the default of the method."""
+        """Rule of confirmation, M of N or by name: the option ``confirm``, or the association method's default."""
         if self.confirm is not None:
             return self.confirm
         if self.method in EXISTENCE:
@@ -141,13 +141,13 @@ class AssociateConfig(Config):
 
     @property
     def report_limits(self) -> tuple[float, float]:
-        """Least existence probabilities that confirm a track and that keep a confirmed track reported."""
+        """Least existence probability that confirms a track, and least one at which a confirmed track is reported."""
         limits = self.report_existence
         return (limits[0], limits[1]) if isinstance(limits, list) else (limits, limits)
 
     @property
     def confirmation(self) -> str:
-        """Rule of confirmation in words."""
+        """Rule of confirmation in words, for messages and tables."""
         rule = self.confirms_by
         return rule if isinstance(rule, str) else f"{rule[0]} of {rule[1]}"
 

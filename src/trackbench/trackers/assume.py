@@ -22,7 +22,7 @@ NEAREST = 1.0
 
 
 class ErrorProcess(Config):
-    """Slowly changing errors as part of the state: a first-order Gauss-Markov process per component."""
+    """Slowly changing sensor errors in a tracker's state: a first-order Gauss-Markov process per component."""
 
     components: list[str] = Field(
         min_length=1,
@@ -33,7 +33,7 @@ class ErrorProcess(Config):
 
 
 class ConstantErrors(Config):
-    """Constant errors as part of the state."""
+    """Constant sensor errors that a tracker estimates in its state."""
 
     sigmas: dict[str, NonNegative] = Field(
         min_length=1,
@@ -43,7 +43,7 @@ class ConstantErrors(Config):
 
 
 class AssumedEffects(Config):
-    """Effects of a sensor assumed by a tracker."""
+    """Sensor effects that a tracker assumes for one sensor."""
 
     signal_to_noise: SignalRange | None = Field(
         None,
@@ -59,16 +59,16 @@ class AssumedEffects(Config):
 
     @property
     def names(self) -> list[str]:
-        """Names of the assumed effects, in words."""
+        """Names of the assumed effects, as words for messages and tables."""
         return [name.replace("_", " ") for name in type(self).model_fields if getattr(self, name) is not None]
 
     @property
     def states(self) -> list[str]:
-        """Keys of the assumed effects that add errors to the state."""
+        """Names of the assumed effects whose errors become part of the tracker's state."""
         return [key for key in ("correlated_errors", "bias") if getattr(self, key) is not None]
 
     def problems_on(self, kind: str, linear: bool) -> Iterator[Problem]:
-        """Yield the effects that a kind of sensor does not have.
+        """Yield a problem for each assumed effect that a kind of sensor does not have.
 
         Args:
             kind: name of the kind of sensor.
@@ -96,7 +96,7 @@ class AssumedEffects(Config):
 
 
 def error_states(effects: Mapping[str, AssumedEffects]) -> tuple[ErrorState, ...]:
-    """Return the errors that are part of the state, from the effects by sensor."""
+    """Return the sensor errors that become part of a tracker's state, from the assumed effects by sensor."""
     states = []
     for sensor, assumed in effects.items():
         if assumed.correlated_errors is not None:
@@ -113,17 +113,17 @@ class AssumedSensors:
     """Sensor models and noise that a tracker assumes, by the sensor's name."""
 
     models: Mapping[str, str] = field(default_factory=dict)
-    """Assumed kind of each sensor, by the sensor's name."""
+    """Kind of sensor that the tracker assumes in place of the stated kind, by the sensor's name."""
     noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Assumed standard deviations of each sensor, by option."""
+    """Standard deviations by option that the tracker assumes for a sensor, by the sensor's name."""
     effects: Mapping[str, AssumedEffects] = field(default_factory=dict)
 
     def read(self, scan: Scan) -> Scan:
-        """Return the scan as the tracker assumes it, with the noise of each measurement."""
+        """Return the scan with the assumed kind of sensor and the assumed noise, which may depend on the range."""
         return self.with_noise_by_range(self.stated(scan))
 
     def stated(self, scan: Scan) -> Scan:
-        """Return the scan with the assumed kind of sensor, and noise that does not depend on range."""
+        """Return the scan with the assumed kind of sensor, and assumed noise that does not depend on the range."""
         kind = self.models.get(scan.sensor, scan.kind)
         if kind != scan.kind:
             scan = scan._replace(kind=kind)
@@ -133,7 +133,7 @@ class AssumedSensors:
         return scan
 
     def with_noise_by_range(self, scan: Scan) -> Scan:
-        """Return the scan with noise by range, if the tracker assumes noise by range."""
+        """Return the scan with noise that depends on the range, if the tracker assumes so; else the scan unchanged."""
         signal = self.signal(scan.sensor)
         if signal is None:
             return scan
@@ -141,12 +141,12 @@ class AssumedSensors:
         return scan._replace(noise_covariance=linalg.expand(scan.noise_covariance, scan.measurement[None]) * factor)
 
     def signal(self, sensor: str) -> SignalRange | None:
-        """Return the assumed signal-to-noise ratio of a sensor, if any."""
+        """Return the assumed dependence of a sensor's noise on the signal-to-noise ratio; None if not assumed."""
         return self.effects[sensor].signal_to_noise if sensor in self.effects else None
 
 
 def measured_distance(scan: Scan) -> Array:
-    """Return the distance that each measurement states, ``(...)`` m; one for an invalid measurement."""
+    """Return the distance ``(...)`` from the sensor that each measurement states, m; 1 for an invalid measurement."""
     model = SENSOR_MODELS[scan.kind]
     if "range" in model.components:
         distance = np.maximum(scan.measurement[model.components.index("range")], NEAREST)

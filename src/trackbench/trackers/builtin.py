@@ -36,14 +36,12 @@ FILTERS = {
 
 
 def build(config: FilterConfig) -> LateScans:
-    """Return the tracker of a scenario's ``filter:`` entry."""
+    """Return the tracker that a scenario's ``filter:`` entry describes."""
     tracker = FilterTracker(filter_of(config), config.initial, **config.scan_options)
     return LateScans(tracker, config.late, config.lag_s)
 
 
 def _factory(name: FilterName) -> Callable[..., LateScans]:
-    """Return a function that makes the tracker of one filter; its options are the keys of a ``filter:`` entry."""
-
     def factory(**options: Any) -> LateScans:
         return build(FilterConfig(filter=name, **options))
 
@@ -62,7 +60,7 @@ ckf = _factory("ckf")
 
 
 def filter_of(config: FilterConfig) -> Filter[Any]:
-    """Return the filter of the options, with its motion models."""
+    """Return the filter with its motion models that a ``filter:`` entry describes."""
     errors = error_states(config.assume)
     models = [MotionWithErrors(motion=motion, errors=errors) if errors else motion for motion in config.models]
     filters = tuple(single_model_filter(config, motion) for motion in models)

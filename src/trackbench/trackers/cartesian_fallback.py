@@ -35,21 +35,21 @@ SPEED_KNOWN = 0.2
 
 
 class CartesianFallback(NamedTuple):
-    """Position and velocity of the tracks whose course is unknown."""
+    """Position and velocity of tracks whose course is unknown, in place of a state with a yaw."""
 
     where: Mask
-    """``(...)`` True for tracks in the fallback."""
+    """Mask ``(...)``, True for tracks in the fallback."""
     belief: Belief
-    """``(4, ...)`` px, py, vx, vy; a placeholder for tracks that are not in the fallback."""
+    """Belief of px, py, vx, vy ``(4, ...)``; a placeholder for tracks that are not in the fallback."""
 
 
 def joined(fallback: CartesianFallback | None, where: Mask, cartesian: Gaussian) -> CartesianFallback:
-    """Return the fallback with further tracks.
+    """Return the fallback with further tracks put into it.
 
     Args:
         fallback: tracks in the fallback so far, if any.
-        where: ``(...)`` True for further tracks.
-        cartesian: ``(4, ...)`` px, py, vx, vy of the further tracks.
+        where: mask ``(...)``, True for the further tracks.
+        cartesian: belief of px, py, vx, vy ``(4, ...)`` of the further tracks.
     """
     belief = Belief(*cartesian)
     if fallback is None:
@@ -60,7 +60,7 @@ def joined(fallback: CartesianFallback | None, where: Mask, cartesian: Gaussian)
 
 
 def course_known(belief: Gaussian) -> Mask:
-    """Return ``(...)`` whether the velocity is certain enough to tell the course from its reverse."""
+    """Return a mask ``(...)`` of velocities certain enough to tell the course from its reverse."""
     vx, vy = belief.mean[2:]
     p = belief.covariance[2:, 2:]
     square = vx * vx + vy * vy
@@ -72,10 +72,10 @@ def course_known(belief: Gaussian) -> Mask:
 
 @dataclass(frozen=True)
 class CourseLost:
-    """Test for beliefs whose modes with an uncertain yaw have more than half of the probability."""
+    """Test that is True for a belief whose yaw is uncertain in modes with more than half of the probability."""
 
     components: tuple[tuple[str, ...], ...]
-    """Components of each motion model's state."""
+    """Names of the state's components, for each motion model."""
 
     def __call__(self, belief: AnyBelief) -> Mask:
         lost_probability: Array = np.zeros(belief[0].shape[1:])
@@ -88,21 +88,22 @@ class CourseLost:
 
 @dataclass(frozen=True)
 class FallbackFilter:
-    """Filter on px, py, vx, vy for the tracks whose course is unknown, of the same kind as the tracker's."""
+    """Filter on px, py, vx, vy for tracks whose course is unknown, of the same kind as the tracker's filter."""
 
     filter: Filter[Any]
-    """Filter of the tracker."""
+    """Filter of the tracker, for tracks whose course is known."""
     engine: Engine
     sigmas: InitialSigmas
-    """Assumed standard deviations of components beyond position and velocity; the acceleration drives the fallback."""
+    """Standard deviations assumed for other components; that of the acceleration is also this filter's process
+    noise."""
     at_start: bool
-    """Whether a track may start in the fallback."""
+    """Whether a track may start as position and velocity alone, in the fallback."""
     later: bool
-    """Whether a track that loses its course later enters the fallback."""
+    """Whether a track whose course becomes unknown after its start enters the fallback."""
 
     @cached_property
     def guard(self) -> StepGuard | None:
-        """Guard that refuses the fused step for tracks whose course has become unknown."""
+        """Guard that refuses the fused step for tracks whose course becomes unknown; None if none may enter later."""
         return CourseLost(tuple(motion.components for motion in self.filter.motions)) if self.later else None
 
     @cached_property
@@ -116,7 +117,7 @@ class FallbackFilter:
     def begun(
         self, fallback: CartesianFallback | None, fresh: Mask, state_of: Callable[[MotionModel], Gaussian]
     ) -> CartesianFallback | None:
-        """Return the fallback with those new tracks ``(...)`` whose course is unknown."""
+        """Return the fallback, with those ``fresh`` ``(...)`` new tracks put into it whose course is unknown."""
         if not self.at_start:
             return fallback
         cartesian = state_of(self._cartesian.motions[0])
@@ -126,13 +127,13 @@ class FallbackFilter:
     def predicted(
         self, fallback: CartesianFallback | None, elapsed: float, belief: AnyBelief, started: Mask
     ) -> CartesianFallback | None:
-        """Return the predicted fallback, with the tracks that lose their course by then.
+        """Return the fallback predicted over ``elapsed``, with those tracks put into it that lose their course by then.
 
         Args:
             fallback: fallback at the earlier time, if any.
             elapsed: time to predict over, s.
             belief: predicted belief of all tracks.
-            started: ``(...)`` True for tracks that have started.
+            started: mask ``(...)``, True for tracks that have started.
         """
         if fallback is not None and elapsed > 0.0:
             fallback = fallback._replace(belief=self._cartesian.predict(fallback.belief, elapsed))
@@ -146,7 +147,7 @@ class FallbackFilter:
     def updated(
         self, fallback: CartesianFallback, scan: Scan, update: Callable[[Scan], Update[Any]]
     ) -> tuple[Update[Any], CartesianFallback]:
-        """Update all tracks: by ``update`` if their course is known, by the fallback's filter otherwise."""
+        """Update tracks whose course is known by ``update``, and the others by the filter on px, py, vx, vy."""
         known = update(scan._replace(valid=scan.valid & ~fallback.where))
         unknown = self._cartesian.update(fallback.belief, scan._replace(valid=scan.valid & fallback.where))
         is_fallback = fallback.where
@@ -172,7 +173,7 @@ class FallbackFilter:
         Args:
             fallback: fallback of the filter.
             elapsed: time to the later estimate, s, more than zero.
-            later: ``(4, ...)`` smoothed px, py, vx, vy at the later time.
+            later: ``(4, ...)`` smoothed belief of px, py, vx, vy at the later time.
             belief: belief of all tracks, smoothed if their course is known.
         """
         after = choose(fallback.where, Belief(*later), fallback.belief)

@@ -37,12 +37,12 @@ class ImmConfig(Config):
 
     @property
     def first_probabilities(self) -> tuple[float, ...]:
-        """Probability of each model at a track's start, in proportion to ``stay_s``."""
+        """Probability of each motion model at a track's start, in proportion to ``stay_s``."""
         return tuple(value / sum(self.stay_s) for value in self.stay_s)
 
     @property
     def names(self) -> list[str]:
-        """Names of the modes, numbered where a model comes several times."""
+        """Names of the motion models, numbered if one comes several times."""
         models = [MOTION_MODELS.name_of(type(model)) for model in self.imm]
         return [
             name if models.count(name) == 1 else f"{name} {models[: i + 1].count(name)}"
@@ -156,18 +156,18 @@ class FilterConfig(OptionsBeside):
 
     @property
     def sensors_used(self) -> list[str] | None:
-        """Names of the sensors that update or start the tracks; None for all."""
+        """Names of the sensors whose scans update or start the tracks; None for all."""
         return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
 
     @property
     def scan_options(self) -> dict[str, Any]:
-        """Options that say how scans are used, shared by single-object and multi-object trackers."""
+        """Options that say how a tracker uses scans, by name, for single-object and multi-object trackers alike."""
         assumed = AssumedSensors(self.sensor_models, self.measurement_noise, self.assume)
         return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at")}}
 
     @property
     def models(self) -> tuple[MotionModel, ...]:
-        """Motion models with the process noise used by the filter."""
+        """Motion models of the filter, with the process noise that it uses."""
         if isinstance(self.motion, ImmConfig):
             return tuple(self.motion.imm)
         if self.process_noise_diag is None:
@@ -176,7 +176,7 @@ class FilterConfig(OptionsBeside):
 
     @property
     def motion_in_words(self) -> list[str]:
-        """Motion model and its options in use, in words: "cv", "acceleration sigma 3 m/s^2"."""
+        """Name and options in use of the motion model, in words: "cv", "acceleration sigma 3 m/s^2"."""
         if isinstance(self.motion, ImmConfig):
             models = zip(self.motion.imm, self.motion.stay_s, strict=True)
             return ["imm of " + " and ".join(f"{', '.join(_words(model))} for {stay:g} s" for model, stay in models)]
@@ -185,7 +185,6 @@ class FilterConfig(OptionsBeside):
     @model_validator(mode="before")
     @classmethod
     def _noise_stated_once(cls, data: Any, info: ValidationInfo) -> Any:
-        """Build the motion model without the noise options that ``process_noise_diag`` replaces."""
         if not isinstance(data, dict) or data.get("process_noise_diag") is None:
             return data
         motion = data.get("motion")
@@ -290,7 +289,7 @@ Use = Annotated[
 
 
 class PluginConfig(Config):
-    """Options of a tracker of the user, or one published under the entry-point group trackbench.trackers."""
+    """Options of a user's tracker, or of a tracker published under the entry-point group trackbench.trackers."""
 
     use: Use = Field(
         description='A published name, such as raw, or "package.module:Class", whose code is run; or a program in any '
@@ -313,7 +312,7 @@ class PluginConfig(Config):
 
     @property
     def reference(self) -> str:
-        """Published name or ``"module:Class"``; empty for a program."""
+        """Published name or ``"module:Class"`` of the tracker; empty for a program."""
         return self.use if isinstance(self.use, str) else ""
 
     def problems(self) -> Iterator[Problem]:
@@ -321,13 +320,13 @@ class PluginConfig(Config):
 
 
 def _unexpanded(sweep: object) -> Iterator[Problem]:
-    """Report a sweep that is not in a scenario, which expands its sweeps before the validation."""
+    """Yield a problem if a sweep stands outside a scenario; in a scenario, sweeps are expanded before this check."""
     if sweep is not None:
         yield Problem(("sweep",), "only an entry of a scenario's trackers has this key")
 
 
 def entry_kind(value: Any) -> str | None:
-    """Return the tag of an entry; None if it has neither or both of the keys filter and use."""
+    """Return the tag of a tracker's entry by its key ``filter`` or ``use``; None if it has neither or both."""
     if isinstance(value, FilterConfig | PluginConfig):
         return "<filter>" if isinstance(value, FilterConfig) else "<use>"
     kinds = [key for key in ("filter", "use") if isinstance(value, dict) and key in value]

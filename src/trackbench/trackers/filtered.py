@@ -26,7 +26,7 @@ from trackbench.trackers.track_steps import TrackState, belief_estimate, chosen_
 
 @dataclass(frozen=True)
 class BuiltInTracker:
-    """Filter and use of scans, shared by the built-in single-object and multi-object trackers."""
+    """Filter, and rules for the use of scans, that the built-in single-object and multi-object trackers share."""
 
     filter: Filter[Any]
     initial: InitialConfig
@@ -40,43 +40,43 @@ class BuiltInTracker:
 
     @cached_property
     def computed_filter(self) -> Filter[Any]:
-        """Filter as computed by the engine."""
+        """Filter whose steps the tracker's engine computes."""
         return filter_by(self.engine, self.filter)
 
     @property
     def engine_used(self) -> EngineUsed:
-        """Engine that computed the steps so far."""
+        """Engine that computed the steps so far, and why not the fused one."""
         return engine_used_by(self.computed_filter)
 
     @property
     def starts_from_truth(self) -> bool:
-        """Whether the tracks start from the truth, by first states that the bench passes to ``with_prior``."""
+        """Whether the tracks start from the ground truth, with first states that the bench passes to ``with_prior``."""
         return self.initial.source == "truth"
 
     def reads(self, sensor: str) -> bool:
-        """Return whether the sensor's measurements update or start tracks."""
+        """Return whether measurements of a sensor update or start tracks."""
         return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
 
     def advances(self, sensor: str) -> bool:
-        """Return whether a scan of the sensor advances the state."""
+        """Return whether a scan of a sensor moves the state to the scan's time."""
         return self.advance_at == "all_scans" or self.reads(sensor)
 
 
 @dataclass(frozen=True)
 class FilterTracker(BuiltInTracker):
-    """Tracker of a batch of objects: starts each track, predicts to each scan, updates with valid measurements.
+    """Tracker of a batch of objects that starts each track, predicts to each scan and updates with valid measurements.
 
     At a scan of an unused sensor, the estimate is a prediction from the last used scan, and the state stays. So no
     estimate depends on an unused sensor.
     """
 
     prior: Prior | None = None
-    """First states, set by the bench if tracks start from the truth."""
+    """First state of each track, set by the bench if tracks start from the truth; else None."""
     cartesian_fallback: Literal["always", "at_start", "never"] = "always"
-    """When position and velocity replace a state with a yaw whose course is unknown."""
+    """When a track's position and velocity replace a state with a yaw, if its course is unknown."""
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
-        """Predict to the scan's time, and update if the tracker uses the sensor.
+        """Predict to the scan's time, and update with the scan if the tracker uses its sensor.
 
         A scan that is older than the state is dropped; the estimate then refers to the state's time.
         """
@@ -91,18 +91,19 @@ class FilterTracker(BuiltInTracker):
         return self._in_sequence(state, scan)
 
     def reading_only(self, sensors: Collection[str] | None) -> FilterTracker:
-        """Return this tracker restricted to the given sensors; unchanged for None."""
+        """Return this tracker restricted to the named sensors; this tracker itself for None."""
         if sensors is None:
             return self
         return replace(self, sensors=[name for name in sensors if self.sensors is None or name in self.sensors])
 
     def with_prior(self, time: Array, motion: Kinematics, normal: Array) -> FilterTracker:
-        """Return this tracker with tracks that start at given times from the true motion and a drawn error.
+        """Return a copy whose tracks start at given times from the true motion plus a drawn error.
 
         Args:
             time: ``(...)`` start of each track, s.
-            motion: true motion at that time, each ``(...)``.
-            normal: ``(6 or more, ...)`` standard normal numbers; the first ``n`` are used.
+            motion: true motion of each object ``(...)`` at the start of its track.
+            normal: ``(6 or more, ...)`` standard normal draws; the first ``n`` rows are used, for the state's ``n``
+                components.
         """
         belief = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, belief))
@@ -136,7 +137,7 @@ class FilterTracker(BuiltInTracker):
         return after._replace(belief=after.belief._replace(repaired=None)), estimate
 
     def _predicted_and_updated(self, state: TrackState, scan: Scan) -> tuple[Step[Any] | None, Mask]:
-        """Return prediction and update in one step, and which tracks it holds for: all outside the fallback.
+        """Return the fused prediction and update, and a mask of the tracks it is right for: all outside the fallback.
 
         The step of a track does not depend on other tracks, so that their number changes no bit of an estimate.
         """
@@ -156,9 +157,9 @@ class FilterTracker(BuiltInTracker):
     def _filtered(
         self, state: TrackState, scan: Scan, is_read: bool, step: Step[Any] | None, is_own: Mask
     ) -> tuple[TrackState, Update[Any] | None]:
-        """Return the tracks at the time of a scan, and their update if the sensor is used.
+        """Return the state at the time of a scan, and the update with it if the tracker uses the sensor.
 
-        ``step`` holds prediction and update of the tracks ``is_own`` ``(...)``, if any.
+        ``step``, if any, is the fused prediction and update, right for tracks in the mask ``is_own`` ``(...)``.
         """
         fallback = state.fallback
         is_expected = state.started if fallback is None else state.started & ~fallback.where
@@ -188,7 +189,7 @@ class FilterTracker(BuiltInTracker):
 
     @cached_property
     def fallback(self) -> FallbackFilter:
-        """Filter of the tracks whose course is unknown."""
+        """Filter on px, py, vx, vy of the tracks whose course is unknown."""
         has_yaw = any(set(YAW) & set(motion.components) for motion in self.filter.motions)
         # A configured covariance belongs to the state of the motion model.
         is_possible = has_yaw and self.initial.source != "truth" and self.initial.covariance_diag is None
@@ -198,11 +199,11 @@ class FilterTracker(BuiltInTracker):
 
     @property
     def guard(self) -> StepGuard | None:
-        """Guard that finds the tracks whose predicted belief needs the fallback."""
+        """Guard that finds the tracks whose predicted belief must enter the fallback; None if no track may."""
         return self.fallback.guard
 
     def advanced(self, state: TrackState, time: float) -> TrackState:
-        """Return the state predicted to a later time, or to the state's own time."""
+        """Return the state predicted to ``time``, which is not before the state's time."""
         elapsed, belief, started = time - state.time, state.belief, state.started
         if np.any(started):
             belief = self.computed_filter.predict(belief, elapsed)
@@ -213,12 +214,12 @@ class FilterTracker(BuiltInTracker):
         return state._replace(time=time, belief=belief, fallback=fallback)
 
     def predicted(self, state: TrackState, time: float) -> TrackState:
-        """Return the state predicted to a time; an earlier time leaves the state unchanged."""
+        """Return the state predicted to ``time``; an earlier time leaves the state unchanged."""
         # A prediction over no time would compute new sigma points, and change the last digits.
         return state if time <= state.time else self.advanced(state, time)
 
     def updated(self, state: TrackState, scan: Scan) -> tuple[Update[Any], CartesianFallback | None]:
-        """Return the update of all tracks with a scan at the state's time, and the fallback after the update."""
+        """Return all tracks' update with a scan at the state's time, and the fallback after the update."""
         if state.fallback is None:
             # Placeholders alone do not justify compiling a kernel.
             filter = self.computed_filter if np.any(state.started) else self.filter
@@ -226,7 +227,7 @@ class FilterTracker(BuiltInTracker):
         return self.fallback.updated(state.fallback, scan, lambda part: self.computed_filter.update(state.belief, part))
 
     def with_starts(self, state: TrackState, scan: Scan) -> TrackState:
-        """Return the state with the tracks that start from the measurements of a scan."""
+        """Return the state, with those tracks started that can start from the measurements of a scan."""
         if np.all(state.started):
             return state
         begin = initial.start_tracks(self.initial, scan, state.waiting)
@@ -237,7 +238,7 @@ class FilterTracker(BuiltInTracker):
         return state._replace(belief=belief, started=state.started | fresh, waiting=begin.waiting, fallback=fallback)
 
     def estimate(self, state: TrackState) -> Estimate:
-        """Return the estimate of a state; NaN, or at rest if so configured, before a track has started."""
+        """Return the estimate of a state; before a track has started NaN, or at rest if so configured."""
         started, fallback = state.started, state.fallback
         mean, covariance = self.computed_filter.cartesian(state.belief)
         if fallback is not None:
@@ -255,7 +256,7 @@ class FilterTracker(BuiltInTracker):
         return estimate if estimate.repaired is None else estimate._replace(repaired=estimate.repaired & started)
 
     def smoothed(self, state: TrackState, later: TrackState) -> TrackState:
-        """Return the state smoothed by a later state, with the smoother of Rauch, Tung and Striebel."""
+        """Return the state smoothed by the smoothed state at a later time (Rauch-Tung-Striebel)."""
         elapsed = later.time - state.time
         # The smoothed belief is meaningless before a track has started.
         belief = choose(state.started, self.computed_filter.smooth(state.belief, later.belief, elapsed), state.belief)
@@ -269,9 +270,9 @@ class FilterTracker(BuiltInTracker):
 
 @dataclass(frozen=True)
 class SmoothedTracker:
-    """Smoother of a tracker: each estimate uses the later measurements too. Tracks start as in the tracker.
+    """Smoother that wraps a tracker: each estimate uses the later measurements too.
 
-    Predictions between two used scans are smoothed by the later scan.
+    Tracks start as in the wrapped tracker. Predictions between two used scans are smoothed by the later one.
     """
 
     tracker: FilterTracker
@@ -282,7 +283,7 @@ class SmoothedTracker:
             object.__setattr__(self, "tracker", replace(self.tracker, cartesian_fallback="at_start"))
 
     def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
-        """Return the smoothed estimate at each scan; late arrivals do not matter."""
+        """Return the smoothed estimate at each scan's time; late scans are used as if they had arrived at once."""
         instants = self._filtered(sorted((scan.prompt() for scan in scans), key=lambda scan: scan.time))
         smoothed: dict[float, Estimate] = {}
         later: TrackState | None = None
@@ -297,7 +298,6 @@ class SmoothedTracker:
         return [smoothed[scan.time] for scan in scans]
 
     def _filtered(self, scans: Sequence[Scan]) -> list[tuple[TrackState, bool]]:
-        """Return the state at each time, and whether the tracker uses a scan at that time."""
         tracker = self.tracker
         state: TrackState | None = None
         instants = []

@@ -15,7 +15,7 @@ from trackbench.base.errors import InputError, similar_path_hint
 
 
 class Command(Config):
-    """Command of a program that reads scans and writes estimates or tracks."""
+    """Command line of a program that reads scans and writes estimates or tracks."""
 
     command: list[Annotated[str, Field(min_length=1)]] = Field(
         min_length=1,
@@ -34,7 +34,7 @@ class Command(Config):
         return self.command[0]
 
     def resolved(self, folder: Path | None) -> list[str]:
-        """Return the command with the path of its program.
+        """Return the command with its program's absolute path.
 
         Raises:
             InputError: the program does not exist or is not executable.
@@ -42,12 +42,12 @@ class Command(Config):
         return [str(_executable(self.command[0], (folder or Path.cwd()).resolve())), *self.command[1:]]
 
     def files(self, folder: Path) -> set[Path]:
-        """Return the files of a folder that the command names: a program, a script, its data."""
+        """Return the files in ``folder`` that the command names: its program, a script or its data."""
         return {file for name in self.command if (file := _place(name, folder)).is_file()}
 
 
 def use_of(text: str) -> str | dict[str, object]:
-    """Return the value of ``use:`` for a text on the command line; a path means a program."""
+    """Return the value of ``use:`` for a text on the command line; a text that is a path means a program."""
     try:
         words = shlex.split(text)
     except ValueError:
@@ -58,7 +58,6 @@ def use_of(text: str) -> str | dict[str, object]:
 
 
 def _place(name: str, folder: Path) -> Path:
-    """Return the file in a folder, or else in the working directory."""
     return next((file for file in (folder / name, Path(name).absolute()) if file.is_file()), folder / name)
 
 

@@ -34,7 +34,7 @@ INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
 
 
 class InitialConfig(Config):
-    """Start of a track, and the stated uncertainty of its first state."""
+    """How a track starts, and how uncertain its first state is stated to be."""
 
     source: InitialSource = Field(
         "first_measurement",
@@ -114,15 +114,15 @@ SAME_TIME = 1e-6
 
 
 class Prior(NamedTuple):
-    """First state of each track, for a tracker that does not start tracks from measurements."""
+    """First state of each track, for a tracker whose tracks start from the ground truth, not from measurements."""
 
     time: Array
-    """``(...)`` start of each track, s."""
+    """Start of each track ``(...)``, s."""
     belief: AnyBelief
-    """Belief with a mean drawn from the truth and the covariance of the draw."""
+    """Belief whose mean is the truth plus a drawn error, with the covariance of that error."""
 
     def begin(self, time: float, belief: AnyBelief, started: Mask, filter: Filter[Any]) -> tuple[AnyBelief, Mask]:
-        """Return the belief and the started tracks ``(...)``, with tracks that start by this time."""
+        """Return the belief and the mask of started tracks ``(...)``, after the start of all tracks due by ``time``."""
         is_new = (time >= self.time) & ~started
         if not np.any(is_new):
             return belief, started
@@ -131,40 +131,40 @@ class Prior(NamedTuple):
 
 
 class TentativeTrack(NamedTuple):
-    """Measurements of the objects whose tracks have not started, each ``(..., batch)``."""
+    """Measurements so far of the objects whose tracks have not started; arrays end with the batch axes."""
 
     measurements: Array
-    """Number of measurements so far."""
+    """Number of measurements of each object so far."""
     time: Array
-    """Time of the first measurement that is not skipped, s; NaN without one."""
+    """Time of each object's first measurement that is not skipped, s; NaN before it."""
     position: Gaussian
-    """Position of the first measurement that is not skipped."""
+    """Position of each object's first measurement that is not skipped."""
     latest: Gaussian
-    """Position of the latest measurement; NaN without one."""
+    """Position of each object's latest measurement; NaN before the first."""
 
 
 class Start(NamedTuple):
-    """Tracks that can start at a scan."""
+    """Tracks that can start at a scan, with their first states."""
 
     ready: Mask
     state_of: Callable[[MotionModel], Gaussian]
-    """First state of the tracks for a motion model."""
+    """Function that returns the tracks' first state for a motion model."""
     waiting: TentativeTrack
 
 
 def placeholder(motion: MotionModel, batch: tuple[int, ...]) -> Gaussian:
-    """Return a state for tracks that have not started."""
+    """Return a state of a motion model that stands in for tracks that have not started."""
     mean = np.ones((len(motion.components), *batch))
     return Gaussian(mean, np.zeros((len(mean), *mean.shape)) + linalg.expand(np.eye(len(mean)), mean[None]))
 
 
 def sigmas(config: InitialConfig) -> InitialSigmas:
-    """Return the assumed standard deviations of components beyond position and velocity."""
+    """Return the assumed standard deviations of components that position and velocity do not determine."""
     return InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
 
 
 def start_tracks(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
-    """Start tracks from the measurements of a scan, alone or together with earlier ones.
+    """Return which tracks start with a scan, from its measurements alone or together with earlier ones.
 
     Measurements of a sensor that measures no position do not count.
 
@@ -201,7 +201,7 @@ def start_tracks(config: InitialConfig, scan: Scan, waiting: TentativeTrack | No
 def first_measurement(
     motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None
 ) -> Gaussian:
-    """Return the state of a motion model from each single measurement of a scan.
+    """Return the first state of a motion model that each single measurement of a scan implies.
 
     The velocity is zero, or the range rate along the line of sight, with the configured standard deviation. With
     ``velocity: range_rate`` the velocity along the line of sight has the variance of the range rate.
@@ -213,7 +213,7 @@ def first_measurement(
         position: positions ``(2, ...)`` of the measurements, if already computed.
 
     Returns:
-        ``(n, ...)``; meaningless for invalid measurements.
+        state ``(n, ...)`` with its covariance; meaningless for invalid measurements.
     """
     if isinstance(motion, MotionWithErrors):
         return motion.started(scan, lambda own_motion, own_scan: first_measurement(own_motion, config, own_scan))
@@ -227,7 +227,7 @@ def first_measurement(
 
 
 def two_measurements(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
-    """Return px, py, vx, vy ``(4, ...)`` at the second of two positions ``(2, ...)``, ``dt`` s ``(...)`` apart.
+    """Return px, py, vx, vy ``(4, ...)`` at the second of two measured positions ``(2, ...)``, ``dt`` s apart.
 
     Source: two-point differencing, Bar-Shalom, Li and Kirubarajan (2001), section 5.5.3.
     """
@@ -240,15 +240,15 @@ def two_measurements(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
-    """Return px, py, vx, vy at rest at each object's latest measurement; NaN without one."""
+    """Return px, py, vx, vy of each object at rest at its latest measurement; NaN for an object without one."""
     belief = _at_position(waiting.latest, np.zeros_like(waiting.latest.mean), config.velocity_sigma_mps)
     return Gaussian(*(np.where(waiting.measurements > 0, part, np.nan) for part in belief))
 
 
 def from_truth(motion: MotionModel, config: InitialConfig, truth: Kinematics, normal: Array) -> Gaussian:
-    """Return a state ``(n, ...)`` drawn from the truth, with the covariance of the draw.
+    """Return a state ``(n, ...)`` that is the truth plus a drawn error, with the covariance of that error.
 
-    ``normal`` is ``(n or more, ...)`` standard normal numbers.
+    ``normal`` ``(n or more, ...)`` are draws from a standard normal.
     """
     if isinstance(motion, MotionWithErrors):
         # The errors belong to later measurements, so none are drawn.
@@ -285,7 +285,7 @@ def _at_position(position: Gaussian, velocity: Array, velocity_sigma: float) -> 
 
 
 def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
-    """Return the belief with the variance of the range rate along the line of sight, if measured.
+    """Return the belief with a velocity along the line of sight as certain as the range rate, if measured.
 
     The azimuth's error turns the line, so that some of the unknown velocity across it adds to the variance along it.
     """

@@ -16,14 +16,14 @@ from trackbench.trackers.track_steps import log_likelihood
 
 
 class ProcessedScan(NamedTuple):
-    """Scan in the history. It is never changed, so that a copied state shares its history."""
+    """Scan that the tracker has processed, with the state before and the answer after it; never changed in place."""
 
     before: Any
-    """State of the tracker before the scan; None at first."""
+    """State of the tracker before the scan; None before the tracker's first scan."""
     arguments: tuple[Any, ...]
-    """Scan, and the origins of its detections for a tracker that uses them."""
+    """Arguments of ``step``: the scan, and the origins of its detections for a tracker that uses them."""
     answer: Any
-    """Estimate or tracks after the scan."""
+    """Estimate or tracks that the tracker returned for the scan."""
 
     @property
     def scan(self) -> Scan:
@@ -35,32 +35,32 @@ class ProcessedScan(NamedTuple):
 
 
 class LateState(NamedTuple):
-    """State of a tracker with its latest scans."""
+    """State of a tracker, with the history of its latest scans."""
 
     own: Any = None
-    """State of the tracker; None before its first scan."""
+    """State of the wrapped tracker; None before its first scan."""
     history: tuple[ProcessedScan, ...] = ()
-    """Scans within the lag, in acquisition order."""
+    """Processed scans within the lag ``lag_s``, in acquisition order."""
 
 
 @dataclass(frozen=True)
 class LateScans:
-    """Built-in single-object or multi-object tracker with a rule for late scans.
+    """Wrapper of a built-in single-object or multi-object tracker, with a rule for late scans.
 
     With ``drop`` the tracker drops a scan that is older than its state. With ``replay`` it goes back to the time of the
     scan and processes all later scans again. With ``as_new`` a scan counts as taken when it arrived.
     """
 
     tracker: Any
-    """Tracker with ``step``, and ``advances``, which tells whether a sensor's scans advance its state."""
+    """Tracker with ``step``, and with ``advances``, which says whether scans of a sensor move its state in time."""
     late: LateMethod = "replay"
     lag_s: float = 1.0
-    """Longest delay that a replay covers, s."""
+    """Longest delay of a scan that is still processed at its own time, s."""
 
     batched: ClassVar = True
 
     def step(self, state: LateState | None, scan: Scan, *origins: Indices) -> tuple[LateState, Any]:
-        """Process a scan, late or not; return the state and the answer at the time of the latest scan."""
+        """Process a scan, late or not; return the new state, and the answer at the time of the latest scan."""
         tracker_state, history = state or LateState()
         advances = self.tracker.advances(scan.sensor) and not scan.asked
         if advances and self.late == "as_new":
@@ -90,7 +90,7 @@ class LateScans:
         return LateState(before, (*history[:place], *redone)), _with_late_answer(answers[-1], answers[0], gained)
 
     def reading_only(self, sensors: Collection[str] | None) -> LateScans:
-        """Return this tracker restricted to the given sensors; unchanged for None."""
+        """Return this tracker restricted to the named sensors; this tracker itself for None."""
         return replace(self, tracker=self.tracker.reading_only(sensors))
 
     def __getattr__(self, name: str) -> Any:
@@ -99,18 +99,17 @@ class LateScans:
         return getattr(self.tracker, name)
 
     def predicted(self, state: LateState, run: int) -> Tracks:
-        """Return the tracks of one run predicted to the latest scan, for a multi-object tracker."""
+        """Return the tracks of one run predicted to the latest scan; for multi-object trackers alone."""
         tracks: Tracks = self.tracker.predicted(state.own, run)
         return tracks
 
 
 def _order(scan: Scan) -> tuple[float, int]:
-    """Return the key of acquisition order; scans of one time keep the order of the scenario's sensors."""
     return scan.time, scan.place
 
 
 def _place_of_late(history: tuple[ProcessedScan, ...], scan: Scan) -> int | None:
-    """Return the index of a late scan in the history; None if it is not late, or older than the history."""
+    """Return the index at which to insert a late scan in the history; None if it is not late, or too old for it."""
     if not history or _order(history[-1].scan) <= _order(scan):
         return None
     place = sum(_order(processed.scan) <= _order(scan) for processed in history)
@@ -119,7 +118,6 @@ def _place_of_late(history: tuple[ProcessedScan, ...], scan: Scan) -> int | None
 
 
 def _with_late_answer(latest: Any, late: Any, gained: Array | float) -> Any:
-    """Return the latest answer with the innovation, or the used detections, of the late scan."""
     if isinstance(latest, Estimate):
         return latest._replace(
             innovation=late.innovation,

@@ -39,17 +39,17 @@ TRACKERS: Registry[Factory] = Registry("trackbench.trackers", "tracker", _why_no
 
 
 def built_in(use: str) -> bool:
-    """Return whether a name stands for a tracker that is part of trackbench, without importing it."""
+    """Return whether a value of ``use:`` names a tracker that is part of trackbench; nothing is imported."""
     return TRACKERS.home_of(use).startswith("trackbench.trackers.")
 
 
 def options_of(factory: Factory) -> type[BaseModel] | None:
-    """Return the options that a tracker declares, a pydantic model named ``Options``; None if it has none."""
+    """Return the pydantic model ``Options`` with which a tracker declares its options; None if it has none."""
     return getattr(factory, "Options", None)
 
 
 def check_tracker_options(use: str, options: Mapping[str, Any], folder: Path | None = None) -> Factory:
-    """Find a tracker and validate its options by its ``Options`` or its signature, without starting it.
+    """Find a tracker and validate its options against its class ``Options`` or its signature, without starting it.
 
     Raises:
         InputError: the name does not resolve, or the options do not fit; with the option's key, if known.
@@ -83,7 +83,7 @@ def _check_signature(use: str, factory: Factory, options: Mapping[str, Any]) -> 
 
 
 def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Callable[[], Tracker]:
-    """Return a function without arguments that makes a tracker with the given options; make one as a check.
+    """Return a function that makes a fresh tracker with the given options, after making one as a check.
 
     Raises:
         InputError: the name does not resolve, or the options do not fit.

@@ -16,16 +16,16 @@ BASELINE = "raw"
 
 
 class PositionFix(NamedTuple):
-    """Position from a measurement."""
+    """Position that a measurement states, with the time of the measurement."""
 
     time: Array
-    """``(...)`` s, NaN without a measurement."""
+    """Time of the measurement ``(...)``, s; NaN for an object without a measurement."""
     position: Gaussian
-    """``(2, ...)`` m."""
+    """Position ``(2, ...)`` in the fixed frame, m, with its covariance."""
 
 
 class RawState(NamedTuple):
-    """Latest two instants at which an object was measured."""
+    """Position fixes of each object at the latest two instants at which it was measured."""
 
     last: PositionFix
     before: PositionFix
@@ -41,7 +41,7 @@ class RawTracker:
     batched: ClassVar = True
 
     def step(self, state: RawState | None, scan: Scan) -> tuple[RawState, Estimate]:
-        """Store the measurement unless it is older than the latest; return the position and velocity."""
+        """Store the measurement unless it is older than the latest one; return position and velocity after it."""
         if state is None:
             nowhere = np.full(np.shape(scan.valid), np.nan)
             none = PositionFix(nowhere, Gaussian(np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2)))

@@ -14,7 +14,7 @@ from trackbench.trackers.initial import TentativeTrack
 
 
 def belief_estimate(belief: AnyBelief, cartesian: Gaussian) -> Estimate:
-    """Return the estimate of a belief whose px, py, vx, vy ``(4, ...)`` are known."""
+    """Return the estimate of a belief, given its px, py, vx, vy ``(4, ...)``."""
     if isinstance(belief, MultiModelBelief):
         return Estimate(*cartesian, repaired=belief.repaired, mode_probabilities=belief.probability)
     return Estimate(*cartesian, belief.mean, belief.covariance, repaired=belief.repaired)
@@ -26,7 +26,7 @@ def with_innovation(estimate: Estimate, update: Update[Any], tracked: Mask | Non
     Args:
         estimate: estimate after the measurement.
         update: update with the measurement.
-        tracked: ``(...)`` True for tracks that existed before the measurement; None for all.
+        tracked: mask ``(...)``, True for tracks that existed before the measurement; None if all did.
     """
     return estimate._replace(
         innovation=where_tracked(tracked, update.innovation),
@@ -37,7 +37,7 @@ def with_innovation(estimate: Estimate, update: Update[Any], tracked: Mask | Non
 
 
 def chosen_update(where: Mask, first: Update[Any], second: Update[Any]) -> Update[Any]:
-    """Return the first update where ``where`` is True, the second elsewhere."""
+    """Return an update that is ``first`` where the mask ``where`` is True, and ``second`` elsewhere."""
     mixture = (
         None if first.mixture is None or second.mixture is None else np.where(where, first.mixture, second.mixture)
     )
@@ -51,14 +51,14 @@ def chosen_update(where: Mask, first: Update[Any], second: Update[Any]) -> Updat
 
 
 def where_tracked(tracked: Mask | None, values: Array) -> Array:
-    """Return the values, with NaN where ``tracked`` is False; None means that all are tracked."""
+    """Return ``values``, with NaN where the mask ``tracked`` is False; None means that all are tracked."""
     return values if tracked is None or np.all(tracked) else np.where(tracked, values, np.nan)
 
 
 def log_likelihood(estimate: Estimate) -> Array | None:
-    """Return ``(batch,)`` the log density of the innovation, ``N(y; 0, S)``.
+    """Return the log density ``N(y; 0, S)`` of each innovation, ``(batch,)``.
 
-    NaN without a prediction; None for an estimate without innovations.
+    The density is NaN without a prediction. The result is None for an estimate without innovations.
     """
     if estimate.log_likelihood is not None:
         return np.asarray(estimate.log_likelihood)
@@ -70,13 +70,13 @@ def log_likelihood(estimate: Estimate) -> Array | None:
 
 
 class TrackState(NamedTuple):
-    """State of a built-in tracker after a scan."""
+    """Time, beliefs and started tracks of a built-in single-object tracker after a scan."""
 
     time: float
-    """Time of the latest scan at which the state advanced, s."""
+    """Time of the latest scan that moved the state in time, s."""
     belief: AnyBelief
     started: Mask
-    """``(...)`` True for tracks that have started; the belief of others is a placeholder."""
+    """Mask ``(...)``, True for tracks that have started; the beliefs of other tracks are placeholders."""
     waiting: TentativeTrack | None = None
     fallback: CartesianFallback | None = None
-    """Position and velocity of tracks whose course is unknown, which replace their belief."""
+    """Position and velocity of the tracks whose course is unknown, in place of their beliefs; None without any."""

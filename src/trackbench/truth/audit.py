@@ -33,7 +33,7 @@ def audited_truth(
     ended_early: EndedEarly | None = None,
     remedy: str = "",
 ) -> Truth:
-    """Return the truth with its faults repaired; ``Truth.audit`` tells the faults and repairs.
+    """Return the truth with its faults repaired; the field ``audit`` of the result lists faults and repairs.
 
     A velocity that contradicts the motion is replaced by the displacement over time. A track is cut where its body
     jumps, and the whole truth where the observer jumps: after a collision a simulator does not move vehicles
@@ -42,8 +42,8 @@ def audited_truth(
     Args:
         truth: ground truth to audit.
         mode: whether to repair or to refuse a truth with faults.
-        collided: collided objects ``(steps, objects)``, and steps ``(steps,)`` after a collision of the observer; None
-            for no collisions.
+        collided: whether each object has collided, ``(steps, objects)``, and whether the observer has, ``(steps,)``;
+            None for no collisions.
         ended_early: reason why the truth is too short, if it is.
         remedy: further remedy for contradicting velocities, for the error message.
 
@@ -90,7 +90,7 @@ def audited_truth(
 
 
 def exact(truth: Truth) -> Truth:
-    """Return the truth with an audit that calls it exact, for positions and velocities from the same formulas."""
+    """Return the truth marked as exact without an audit: positions and velocities are from the same formulas."""
     no_mismatch = VelocityMismatch(max_mps=0.0, mean_mps=0.0, object=None, time_s=None)
     result = TruthAudit(
         mode="by construction",
@@ -109,7 +109,7 @@ def _velocity(truth: Truth) -> Array:
 
 
 def _displacement(truth: Truth) -> Array:
-    """Return the mean velocity of each step, ``(2, steps - 1, objects, runs)`` m/s."""
+    """Return the displacement over each step divided by its time, ``(2, steps - 1, objects, runs)`` m/s."""
     dt = np.diff(truth.time)[:, None, None]
     return np.stack([np.diff(truth.px, axis=0), np.diff(truth.py, axis=0)]) / dt
 
@@ -119,22 +119,22 @@ def _is_present_over_step(alive: Mask) -> Mask:
 
 
 def _errors(displacement: Array, velocity: Array, moving: Mask) -> Array:
-    """Return the difference of velocity and displacement, ``(steps - 1, objects)`` m/s; NaN where absent.
+    """Return the size of stated velocity minus displacement over time, ``(steps - 1, objects)`` m/s; NaN if absent.
 
-    The rule of integration is the one that fits the body better.
+    For each body the velocity is integrated by Euler's or the trapezoidal rule, whichever fits better.
     """
     euler, trapezoid = _errors_by_rule(displacement, velocity, moving)
     return np.where(_median_errors(euler) <= _median_errors(trapezoid), euler, trapezoid)
 
 
 def by_euler(truth: Truth) -> Mask:
-    """Return ``(objects,)`` whether the velocity at a step's start, not the step's mean, moves the body."""
+    """Return whether a body moves with the velocity at a step's start, not with the step's mean, ``(objects,)``."""
     euler, trapezoid = _errors_by_rule(_displacement(truth), _velocity(truth), _is_present_over_step(truth.alive))
     return np.asarray(_median_errors(euler) <= _median_errors(trapezoid))
 
 
 def _errors_by_rule(displacement: Array, velocity: Array, moving: Mask) -> tuple[Array, Array]:
-    """Return errors by Euler's rule, which highway-env uses except for its dynamic bicycle, and by the trapezoid."""
+    """Return errors by Euler's rule (highway-env's, but for its dynamic bicycle) and by the trapezoidal rule."""
     euler = np.hypot(*(displacement - velocity[:, :-1])).max(axis=-1)
     trapezoid = np.hypot(*(displacement - 0.5 * (velocity[:, :-1] + velocity[:, 1:]))).max(axis=-1)
     return np.where(moving, euler, np.nan), np.where(moving, trapezoid, np.nan)
@@ -147,7 +147,7 @@ def _median_errors(errors: Array) -> Array:
 
 
 def _jumps(displacement: Array, velocity: Array, moving: Mask, time: Array) -> Mask:
-    """Return the steps ``(steps - 1, objects)`` that neither the velocity nor the neighbouring steps explain.
+    """Return whether neither velocity nor neighbouring steps explain a displacement, ``(steps - 1, objects)``.
 
     A wrong velocity along a smooth path is not a jump, because the displacement continues smoothly.
     """
@@ -219,7 +219,7 @@ def _velocity_from_displacement(truth: Truth, bodies: Sequence[int]) -> Truth:
 
 
 def _summary(errors: Array, truth: Truth) -> VelocityMismatch:
-    """Return the largest and mean error and the place of the largest; None if nothing moves."""
+    """Return largest and mean velocity error, with time and object of the largest; None if nothing moves."""
     if not np.isfinite(errors).any():
         return VelocityMismatch(max_mps=None, mean_mps=None, object=None, time_s=None)
     step, body = np.unravel_index(np.nanargmax(errors), errors.shape)

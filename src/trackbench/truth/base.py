@@ -1,4 +1,4 @@
-"""Interface of a truth source."""
+"""Interface of a truth source: simulated, scripted or recorded motion, or a plug-in's."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MAX_SCENES = 1000
 
 
 class Draw(NamedTuple):
-    """Key of the random motion: ``streams.stream(seed, scenario, run, "motion of <object>")``."""
+    """Seed, scenario's name and number of runs, by which random motion is drawn, with a stream per run and object."""
 
     seed: int
     scenario: str
@@ -28,7 +28,7 @@ class Draw(NamedTuple):
 
 
 class LoadedTruth(NamedTuple):
-    """Ground truth, and how it was obtained."""
+    """Ground truth with its origin and, from a recording, its measurements."""
 
     truth: Truth
     cached: bool = False
@@ -36,7 +36,7 @@ class LoadedTruth(NamedTuple):
     notes: tuple[str, ...] = ()
     """Remarks on the recording, such as rows left out, one per line."""
     measurements: dict[str, Recorded] | None = None
-    """Recorded measurements by sensor; None if measurements are to be synthesised."""
+    """Recorded measurements by name of the sensor; None if all measurements are to be synthesised."""
 
 
 class TruthSource(Config, ABC):
@@ -75,17 +75,17 @@ class TruthSource(Config, ABC):
         cache: bool = True,
         progress: Progress = no_progress,
     ) -> LoadedTruth:
-        """Return the truth of these options; with several scenes, the truth of the first.
+        """Return the ground truth; with several scenes, the truth of the first scene.
 
         Args:
-            draw: key of the random motion.
+            draw: seed, scenario and runs, by which random motion is drawn.
             folder: folder of the scenario, where relative paths start.
             sensors: kind of each of the scenario's sensors, for which a recording may have measurements.
             cache: whether a simulated truth is read from and written to the cache.
             progress: called with the number of simulated steps and the number of all steps.
 
         Raises:
-            InputError: the truth is not available; ``key`` names the option at fault (``truth.env``).
+            InputError: the truth cannot be made; the error's ``key`` names the option at fault, such as ``truth.env``.
         """
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> Sequence[str] | None:
@@ -96,25 +96,25 @@ class TruthSource(Config, ABC):
             sensors: kind of each of the scenario's sensors, for which a recording may have measurements.
 
         Returns:
-            The notes of ``load``, one per line.
+            Remarks on the recording, as in ``LoadedTruth.notes``; None if the source has none.
 
         Raises:
-            InputError: ``load`` would fail.
+            InputError: an option or a file is wrong, so that ``load`` would fail.
         """
         return None
 
     def recorded_rate(self, folder: Path) -> float | None:
-        """Return the instants per second of recorded traffic, Hz, which no sensor exceeds; else None."""
+        """Return the rate of recorded traffic, Hz, which no sensor's rate may exceed; None for any other source."""
         return None
 
     @property
     def counted_stretches(self) -> list[tuple[int, int]]:
-        """Log number and stretch number of each scored stretch; empty if logs are not cut."""
+        """Number of the log and of the stretch of time in it, for each scored stretch; empty if logs are not cut."""
         return []
 
     @property
     def quick(self) -> bool:
-        """Whether ``load`` is too fast to be worth another process."""
+        """Whether ``load`` takes too little time to be worth a process of its own."""
         return False
 
     @property
@@ -128,7 +128,7 @@ class TruthSource(Config, ABC):
         return None
 
     def with_all_objects(self, within_m: float) -> Self:
-        """Return the source with all objects, not only targets, in its truth, for hidden identities.
+        """Return a copy whose truth has all objects, not only targets, as hidden identities need.
 
         Args:
             within_m: distance from the observer, m, beyond which objects that are no targets may be left out. It is
@@ -139,11 +139,11 @@ class TruthSource(Config, ABC):
         return self.model_copy(update={"others_within_m": within_m})
 
     def with_hidden_identities(self) -> Self:
-        """Return the source for trackers that are not told the objects of detections."""
+        """Return a copy whose truth suits trackers that are not told which object a detection is from."""
         return self
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
-        """Return the sensors, among those given by name with their kinds, with recorded measurements."""
+        """Return each sensor in ``kinds`` (its kind, by name) for which the source has recorded measurements."""
         return {}
 
 

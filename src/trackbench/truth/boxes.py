@@ -1,4 +1,4 @@
-"""Ground truth from the boxes of a file, without repairs or omissions."""
+"""Ground truth from reference boxes in a file, neither repaired nor thinned out."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ LARGEST = 20_000_000
 
 
 def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
-    """Return the ground truth of the boxes in a file.
+    """Return the ground truth that the reference boxes of a file state.
 
     Args:
         config: the scenario's ``truth``.
         folder: folder where relative paths start.
-        sensors: whether the scenario has sensors, which are at the observer.
+        sensors: whether the scenario has sensors; they are at the observer.
 
     Raises:
         InputError: the file cannot be read, is damaged, or has no object.
@@ -89,7 +89,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
 
 
 def _without_rounding(time: Array) -> Array:
-    """Return the times, with times that differ only by rounding set to the earliest of them."""
+    """Return the times, where times that differ only by rounding are set to the earliest one."""
     order = np.argsort(time, kind="stable")
     is_new = np.diff(time[order], prepend=-np.inf) > SAME_STAMP_S
     result = np.empty_like(time)
@@ -102,7 +102,7 @@ def _selected_rows(rows: TrackRows, time: Array, is_selected: Mask) -> TrackRows
 
 
 def _motion(track: TrafficTrack) -> Motion:
-    """Return the motion as stated; a missing velocity is taken from the displacement."""
+    """Return the stated motion of a track; a missing velocity is taken from the displacement."""
     vx, vy = track.vx, track.vy
     if vx is None or vy is None:
         vx, vy = slope(track.x, track.time), slope(track.y, track.time)
@@ -111,7 +111,7 @@ def _motion(track: TrafficTrack) -> Motion:
 
 
 def _is_near_row(drive: Drive, truth: Truth) -> Mask:
-    """Return ``(steps, objects)`` whether a time is near a row of the object, or between rows without a gap."""
+    """Return whether a time is near a row of the object, or between rows without a gap, ``(steps, objects)``."""
     periods = [float(np.median(np.diff(motion.time))) for motion in drive.motions.values() if len(motion.time) > 1]
     result = np.zeros_like(truth.alive)
     for number, motion in enumerate(drive.motions.values()):

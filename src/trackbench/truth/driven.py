@@ -1,4 +1,4 @@
-"""Stepwise simulation of highway-env driven by a program, with its truth up to now."""
+"""Simulation of highway-env whose ego a program drives step by step, with the truth from the start to now."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ class DrivenTraffic:
         """``(steps,)`` times of the longest possible episode, s."""
 
     def step(self, action: Any) -> tuple[float, bool, bool]:
-        """Apply an action until the next decision.
+        """Drive by ``action`` (as the environment's action space defines it) until the next decision.
 
         Returns:
-            Reward, whether the episode has ended, and whether the environment's time limit has passed.
+            Reward of the environment, whether it has ended the episode, and whether its time limit has passed.
         """
         with isolated(self._driver_model):
             _, reward, terminated, truncated, _ = self.env.step(action)

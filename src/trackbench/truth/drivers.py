@@ -1,4 +1,4 @@
-"""Drivers of highway-env's vehicles who vary, so that the vehicles behind them react."""
+"""Drivers for highway-env's vehicles, who differ from each other and vary over time."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ STEERING_RATE_DEGPS = 30.0
 
 @dataclass(frozen=True)
 class Drivers:
-    """Variation of drivers, each with a random stream of its own; the defaults are ``drivers: human``.
+    """Parameters of drivers who differ and vary at random; ``drivers: human`` has the defaults.
 
     Acceleration and wander are fitted to recorded traffic; docs/drivers.md has the sources of the other values.
     """
 
     acceleration_rms_mps2: float = 0.52
-    """RMS of the acceleration that a driver adds to the model's, a Gauss-Markov process."""
+    """RMS of the random acceleration added to the driver model's, a Gauss-Markov process."""
     acceleration_full_mps: float = 10.0
     """Speed from which the added acceleration has its full size; below, its size is proportional to the speed."""
     acceleration_time_s: float = 0.8
-    """Correlation time of the added acceleration, to 1/e."""
+    """Time in which the autocorrelation of the added acceleration falls to 1/e."""
     wander_m: float = 0.18
-    """RMS distance of the car from the path of its lane."""
+    """RMS lateral distance of the car from the centre line of its lane."""
     wander_time_s: float = 0.4
     """Correlation time of the lateral offset that the driver steers for, a Gauss-Markov process."""
     reaction_s: float = 0.7
@@ -60,7 +60,7 @@ class Drivers:
     grip_mps2: float = 7.8
     """Largest acceleration of the tyres, longitudinal and lateral combined."""
     jerk_mps3: float = 15.0
-    """Largest rate of change of the wanted acceleration, before the added noise and the limit of grip."""
+    """Largest rate of change of the driver's acceleration, before random acceleration is added and grip limits it."""
 
 
 HUMAN = Drivers()
@@ -81,7 +81,7 @@ class GaussMarkov:
         self.value = sigma * random.standard_normal()
 
     def advance(self) -> float:
-        """Return the value after one more step."""
+        """Advance the process by one step and return its new value."""
         self.value = self._keep * self.value + self._drive * self._random.standard_normal()
         return self.value
 
@@ -100,10 +100,10 @@ def lateral_gain(time_s: float) -> float:
 
 
 class Driver:
-    """Individual properties of one driver.
+    """Random properties and processes of one driver: speed factor, time gap, noise and perception delay.
 
     Args:
-        options: options of all drivers.
+        options: parameters that all drivers share.
         dt: step of the simulation, s.
         seed: seed of the traffic.
         number: number of the vehicle, in order of appearance.
@@ -126,7 +126,7 @@ class Driver:
         self._seen = deque([0.0] * (round(options.reaction_s / dt) + 1), maxlen=round(options.reaction_s / dt) + 1)
 
     def reacts_to(self, present: float) -> float:
-        """Return the value perceived ``reaction_s`` ago, and store the present one."""
+        """Store the present value of a quantity, and return its value one reaction time ago."""
         self._seen.append(present)
         return self._seen[0]
 
@@ -146,7 +146,7 @@ class HumanVehicle(SteeredVehicle):
 
     @property
     def target_speed(self) -> float:
-        """Desired speed: the model's times the driver's own factor, m/s."""
+        """Desired speed, m/s: the driver model's, times this driver's own factor."""
         return float(self.__dict__["target_speed"] * self.driver.speed_factor)
 
     @target_speed.setter
@@ -154,7 +154,7 @@ class HumanVehicle(SteeredVehicle):
         self.__dict__["target_speed"] = value
 
     def controls(self, dt: float) -> dict[str, float]:
-        """Return steering angle, rad, and acceleration, m/s^2."""
+        """Return the driver's steering angle, rad, and acceleration, m/s^2, for a step of ``dt`` s."""
         driver, options = self.driver, self.driver.options
         self.lane_offset_wanted = driver.wander.advance()
         slip_before = self.slip
@@ -188,9 +188,9 @@ class HumanVehicle(SteeredVehicle):
         return {**controls, "acceleration": wanted}
 
     def calm_braking(self, braking: float) -> float:
-        """Return the braking of a calm driver for the model's braking, both at most 0 m/s^2.
+        """Return the acceleration of a calm driver in place of the model's ``braking``, both at most 0 m/s^2.
 
-        A calm driver brakes as needed to avoid the vehicles ahead, and at most ``CALM_BRAKING_MPS2`` harder.
+        A calm driver brakes as hard as needed to avoid the vehicles ahead, plus at most ``CALM_BRAKING_MPS2``.
 
         Source: Kesting, Treiber and Helbing (2010), "Enhanced intelligent driver model to access the impact of driving
         strategies on traffic capacity", equations 4 to 6.
@@ -219,7 +219,7 @@ class HumanVehicle(SteeredVehicle):
         return slowing - closing**2 / (2.0 * gap)
 
     def free_road_acceleration(self) -> float:
-        """Return the acceleration on a free road, m/s^2; for IDM computed in plain floats, five times faster."""
+        """Return the acceleration on a free road, m/s^2; IDM's is computed in plain floats, five times faster."""
         if type(self).acceleration is not IDMVehicle.acceleration:
             return float(self.acceleration(self, None))
         wanted, limit = self.target_speed, self.lane.speed_limit
@@ -238,7 +238,7 @@ class HumanVehicle(SteeredVehicle):
         return math.sqrt(slowest)
 
     def _bends_ahead(self) -> list[tuple[float, float]]:
-        """Return where each lane with bends starts, m from the start of the target lane, and its speed, m/s."""
+        """Return, for each lane ahead with a bend, its start, m from the target lane's, and its bend speed, m/s."""
         start, bends = 0.0, []
         for index, lane in self.lanes_ahead():
             if index in self.BENDS:
@@ -250,11 +250,11 @@ class HumanVehicle(SteeredVehicle):
 
 
 class Traffic:
-    """Control that gives each new vehicle its driver.
+    """Function called with each new vehicle, to which it gives a driver.
 
     Args:
         env: environment after its reset.
-        options: options of the drivers.
+        options: parameters of the drivers.
         config: options of the simulation.
     """
 
@@ -281,7 +281,7 @@ class Traffic:
 
 
 def bend_speeds(network: Any, across_mps2: float) -> dict[Any, float]:
-    """Return the speed with which the sharpest bend of each lane takes ``across_mps2``, m/s, by lane index."""
+    """Return by lane index the speed, m/s, with a lateral acceleration of ``across_mps2`` in the sharpest bend."""
     speeds = {}
     for start, ends in network.graph.items():
         for end, lanes in ends.items():

@@ -1,4 +1,4 @@
-"""Environment of highway-env: settings, steering, and recording of its steps."""
+"""Additions to a highway-env environment: complete settings, limited steering rate, recorded steps."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def complete(
     Args:
         config: configuration of the scenario.
         defaults: configuration of the environment.
-        action: keys of all types of actions.
+        action: keys that any type of action may have.
         at: key of ``config`` in error messages.
 
     Raises:
@@ -56,11 +56,11 @@ def _kind(value: Any) -> Any:
 
 
 class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
-    """Vehicle that follows its target lane with a finite rate of steering.
+    """Vehicle that follows its target lane with a limited steering rate.
 
-    The controller is a changed one of ``ControlledVehicle``, in which a lateral offset asks for a heading and a heading
-    error for a turn. Both time constants are longer by one factor: the original ones ask for 3 g in a lane change, and
-    a finite rate of steering would make the vehicle swing. The controller acts on the course instead of the heading,
+    The controller of ``ControlledVehicle`` is changed: a lateral offset asks for a heading, and a heading error
+    for a turn. Both time constants are longer by one factor: the original ones ask for 3 g in a lane change, and a
+    limited steering rate would make the vehicle swing. The controller acts on the course instead of the heading,
     and is solved for the steering angle that turns the course at the wanted rate.
     """
 
@@ -82,7 +82,7 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
         super().step(dt)
 
     def controls(self, dt: float) -> dict[str, float]:
-        """Return the steering angle of the step of ``dt`` s, rad."""
+        """Return the steering angle, rad, for a step of ``dt`` s."""
         present = getattr(self, "steering", 0.0)
         largest_change = self.STEERING_RATE * dt
         self.steering = present + float(np.clip(self._wanted(present, dt) - present, -largest_change, largest_change))
@@ -93,7 +93,7 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
         return 0.0
 
     def _wanted(self, steering: float, dt: float) -> float:
-        """Return the steering angle that turns the course as the target lane asks for, rad."""
+        """Return the angle, rad, to which the controller would steer from ``steering`` to follow the target lane."""
         lane = self.road.network.get_lane(self.target_lane_index)
         along, offset = lane.local_coordinates(self.position)
         self.along = along
@@ -110,7 +110,7 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
         return math.atan(2.0 * math.tan(float(np.clip(slip, -limit, limit))))
 
     def lanes_ahead(self) -> Iterator[tuple[Any, Any]]:
-        """Yield index and lane of the target lane and of the lanes after it on the route."""
+        """Yield each lane with its index: the target lane, then the lanes that follow it on the route."""
         network, index = self.road.network, self.target_lane_index
         route = list(self.route or ())
         while True:
@@ -139,7 +139,7 @@ Control = Callable[[Any, int], None]
 
 
 def steered(rate: float) -> Control:
-    """Return a control that limits the steering rate (rad/s) of every vehicle that follows lanes."""
+    """Return a function, called with each new vehicle, that limits the steering rate (rad/s) of lane followers."""
     steered_kind = mixed_with(SteeredVehicle, STEERING_RATE=rate)
 
     def control(vehicle: Any, _: int) -> None:
@@ -172,7 +172,7 @@ def rates_at_instants(truth: Truth, stepped: Mask) -> Truth:
     and velocity would be ahead of the position: by 0.3 m/s at 12 m/s^2 and 20 Hz.
 
     Args:
-        truth: truth with rates of the step that begins at each instant.
+        truth: truth whose rates at an instant are means over the step that begins there.
         stepped: ``(objects,)`` bodies to change; the observer is always changed.
     """
     is_averaged = np.zeros_like(truth.alive)
@@ -204,7 +204,7 @@ def _before(values: Array) -> Array:
 
 
 class Recorder:
-    """Replacement for ``road.step`` that records every vehicle on the road at the start of each step.
+    """Recorder that replaces ``road.step`` and stores the state of every vehicle at the start of each step.
 
     Args:
         env: environment to record.
@@ -236,7 +236,7 @@ class Recorder:
         )
 
     def __len__(self) -> int:
-        """Return the number of vehicles so far."""
+        """Return the number of vehicles that have appeared so far."""
         return len(self._bodies)
 
     def _number(self, vehicle: Any) -> int:
@@ -248,19 +248,19 @@ class Recorder:
         return self._numbers[id(vehicle)]
 
     def result(self, steps: int, dt: float) -> Frames:
-        """Return the first ``steps`` frames; the ego is body 0."""
+        """Return the motion in the first ``steps`` steps of the vehicles present in them; the ego is body 0."""
         raw = _stacked(self.frames[:steps], len(self._bodies))
         present = np.flatnonzero(np.isfinite(raw[0]).any(axis=0))
         return self._frames(raw[:, :, present], present, dt)
 
     def until_now(self, dt: float, places: int) -> Frames:
-        """Return the frames of all steps and the present one; the ego is body 0.
+        """Return the motion in all steps so far and at the present instant; the ego is body 0.
 
         The steering of the step that begins now is not known yet; the previous step's is used.
 
         Args:
             dt: time between frames, s.
-            places: number of bodies; places without a vehicle are absent.
+            places: number of bodies in the result; bodies beyond the existing vehicles are absent.
         """
         now = {self._number(v): (*_state(v), float(v.action["steering"])) for v in self._env.road.vehicles}
         raw = _stacked([*self.frames, now], max(places, len(self._bodies)))
@@ -289,12 +289,12 @@ class Recorder:
 
 
 def _state(vehicle: Any) -> tuple[float, ...]:
-    """Return the state of a vehicle at the start of a step, as in highway-env: y to the right, headings clockwise."""
+    """Return x, y, heading, speed and crashed of a vehicle in highway-env's frame: y to the right, angles clockwise."""
     return (*vehicle.position, vehicle.heading, vehicle.speed, vehicle.crashed)
 
 
 def _stacked(frames: Sequence[Mapping[int, tuple[float, ...]]], bodies: int) -> Array:
-    """Return frames as an array ``(6, frames, bodies)``; NaN for an absent body."""
+    """Return the six state values of all vehicles, ``(6, frames, bodies)``; NaN for an absent body."""
     raw = np.full((6, len(frames), bodies), np.nan)
     for k, frame in enumerate(frames):
         for body, state in frame.items():

@@ -1,4 +1,4 @@
-"""Raw motion, sizes and choice of simulated or recorded vehicles, and the edges of lanes."""
+"""Motion of all simulated or recorded vehicles before the choice of targets, and the edges of lanes."""
 
 from __future__ import annotations
 
@@ -17,33 +17,31 @@ from trackbench.truth.config import FixedObserver, IdTargets, NearestTargets, Ve
 
 @dataclass(frozen=True)
 class Frames:
-    """Raw motion of every body at the start of each simulation step, ``(steps, bodies)``; NaN where absent."""
+    """Motion of every vehicle at the start of each simulation step, ``(steps, bodies)``; NaN where absent."""
 
     dt: float
-    """Time of a step, s."""
+    """Duration of a step, s."""
     ids: tuple[str, ...]
     px: Array
     py: Array
     heading: Array
-    """Heading, rad."""
+    """Heading, rad, counter-clockwise from the fixed x axis."""
     slip: Array
     """Course minus heading during the step that starts here, rad."""
     speed: Array
     """Speed along the course, m/s; negative in reverse."""
     collided: Mask
-    """True after a collision."""
+    """Whether the body has collided before."""
     length: Array
-    """``(bodies,)`` m."""
     width: Array
-    """``(bodies,)`` m."""
 
     @property
     def alive(self) -> Mask:
-        """``(steps, bodies)``."""
+        """``(steps, bodies)`` whether the body is present."""
         return np.isfinite(self.px)
 
     def truth(self, bodies: Sequence[int], observer: Observer) -> Truth:
-        """Return the truth of some bodies, with the course along the motion and speeds that are not negative."""
+        """Return the truth of the bodies with these indices; in reverse the course is turned, the speed positive."""
         chosen = list(bodies)
         alive = self.alive[:, chosen]
         heading, slip, speed = (hold_nearest(a[:, chosen], alive) for a in (self.heading, self.slip, self.speed))
@@ -65,7 +63,7 @@ class Frames:
         )
 
     def carrier(self, body: int) -> Observer:
-        """Return the observer mounted on a body."""
+        """Return an observer that moves with the body of this index."""
         course = self.heading[:, body] + self.slip[:, body]
         alive = self.alive[:, body, None]
         return Observer(
@@ -88,7 +86,7 @@ def fixed_observer(observer: FixedObserver, steps: int) -> Observer:
 
 
 def hold_nearest(values: Array, alive: Mask) -> Array:
-    """Return ``values`` with the nearest living value before a body appears and after it has left."""
+    """Return ``values`` with a body's first value repeated before it appears, and its last after it has left."""
     steps = np.arange(len(values))[:, None]
     first = np.argmax(alive, axis=0)
     last = len(values) - 1 - np.argmax(alive[::-1], axis=0)
@@ -96,9 +94,9 @@ def hold_nearest(values: Array, alive: Mask) -> Array:
 
 
 def rate(values: Array, dt: float, alive: Mask) -> Array:
-    """Return the rate of change over the step that starts at each frame; a body's last frame repeats the previous rate.
+    """Return the rate of change over the step after each instant; a body's last instant repeats the previous rate.
 
-    The simulator integrates by Euler's explicit rule: the rate at a frame acts until the next frame.
+    The simulator integrates by Euler's explicit rule: the rate at an instant acts until the next instant.
     """
     slope = np.zeros_like(values)
     slope[:-1] = np.diff(values, axis=0) / dt
@@ -112,10 +110,10 @@ VAN, TRUCK = (7.0, 2.0), (10.0, 2.5)
 
 
 def with_sizes(frames: Frames, shares: VehicleSizes, seed: int) -> Frames:
-    """Return the frames with some bodies in the size of vans and trucks; the ego keeps its size.
+    """Return the frames with drawn bodies as large as vans and trucks; the ego keeps its size.
 
     A body's size depends only on the seed and its name. The motion is unchanged: in highway-env the length is also the
-    wheelbase, and drivers measure gaps from centre to centre, so that another size would change the drive.
+    wheelbase, and drivers measure gaps from centre to centre, so that these sizes would change it.
     """
     length, width = frames.length.copy(), frames.width.copy()
     for body, name in enumerate(frames.ids):
@@ -128,7 +126,7 @@ def with_sizes(frames: Frames, shares: VehicleSizes, seed: int) -> Frames:
 def target_bodies(
     targets: Literal["all"] | NearestTargets | IdTargets, frames: Frames, observer: Observer, carrier: int | None
 ) -> list[int]:
-    """Return the tracked bodies, without ``carrier``, on which the observer is mounted.
+    """Return the indices of the target bodies; ``carrier``, the body with the observer, is no target.
 
     Raises:
         InputError: a named target is not in the scene.
@@ -153,10 +151,12 @@ def target_bodies(
 def bodies_near(
     limit: float, frames: Frames, observer: Observer, named: Sequence[int], carrier: int | None
 ) -> list[int]:
-    """Return the bodies that a sensor might reach and the named bodies, for hidden identities.
+    """Return the bodies within ``limit`` m of the observer at any time, and the bodies ``named``; all as indices.
+
+    The body ``carrier``, on which the observer is mounted, is left out unless it is named.
 
     Raises:
-        InputError: there is no such body.
+        InputError: no body is near or named.
     """
     near = _least_distance(frames, observer) <= limit
     bodies = [i for i in range(len(frames.ids)) if i in named or (near[i] and i != carrier)]
@@ -166,7 +166,7 @@ def bodies_near(
 
 
 def _least_distance(frames: Frames, observer: Observer) -> Array:
-    """Return the smallest distance from the observer, ``(bodies,)`` m, over each body's presence."""
+    """Return the smallest distance of each body from the observer while it is present, ``(bodies,)`` m."""
     distance = np.hypot(frames.px - observer.px[:, None], frames.py - observer.py[:, None])
     return np.asarray(np.nanmin(distance, axis=0))
 
@@ -176,9 +176,9 @@ OFTEN_S = 0.2
 
 
 def overlaps(frames: Frames, margin: float) -> Mask:
-    """Return ``(bodies, bodies)`` whether the boxes of two bodies ever come nearer than ``margin``, m.
+    """Return whether the boxes of two bodies ever come nearer than ``margin`` m, ``(bodies, bodies)``.
 
-    With a negative margin, whether they ever overlap by more than that, both along and across.
+    With a negative margin the boxes must overlap by more than ``-margin``, both along and across.
     """
     bodies = len(frames.ids)
     result = np.zeros((bodies, bodies), dtype=bool)
@@ -223,7 +223,7 @@ def lane_edges(lanes: Iterable[Any], px: Array, py: Array) -> tuple[Array, ...]:
 
 
 def _runs_inside(points: Array, inside: Mask) -> list[Array]:
-    """Return the runs of at least two consecutive points that are inside."""
+    """Return each stretch of at least two consecutive points that are inside."""
     breaks = np.flatnonzero(np.diff(inside.astype(int))) + 1
     runs = zip(np.split(points, breaks), np.split(inside, breaks), strict=True)
     return [run for run, kept in runs if kept[0] and len(run) > 1]

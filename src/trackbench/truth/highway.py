@@ -65,7 +65,7 @@ def list_envs() -> list[str]:
 
 
 def validate(config: HighwayOptions) -> None:
-    """Set the environment up without simulating it.
+    """Build the environment without a step, to find wrong options.
 
     Raises:
         InputError: unknown id or key, a value of the wrong type, rates that do not divide.
@@ -82,7 +82,7 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
         progress: called with the number of simulated steps and the number of all steps.
 
     Raises:
-        InputError: see `validate`; a target never appears; the audit refuses the motion.
+        InputError: wrong options or environment, a target that never appears, or motion that the audit refuses.
     """
     steps = step_count(config)
     with isolated():
@@ -111,7 +111,7 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
 
 
 def step_count(config: HighwayOptions) -> int:
-    """Return the number of steps of the truth, including time 0 and the end."""
+    """Return the number of instants of the truth, including time 0 and the end."""
     return math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
 
 
@@ -142,7 +142,7 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
 
 
 def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
-    """Return the function called with each new vehicle; None if vehicles stay unchanged."""
+    """Return the function, called with each new vehicle, that gives it a driver or steering; None for neither."""
     if config.drivers == "human":
         return Traffic(env, HUMAN, config)
     rate = config.steering_rate_degps
@@ -150,7 +150,7 @@ def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
 
 
 def prepare_env(config: HighwayOptions) -> AbstractEnv:
-    """Return the environment after its reset, with the ego's driver."""
+    """Return the environment after its reset, with the class of driver that the scenario gives the ego."""
     ids = list_envs()
     if config.env not in ids:
         raise InputError(f"unknown highway-env id {config.env!r}; {nearest_choices(config.env, ids)}", key="truth.env")
@@ -194,7 +194,7 @@ def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any
 
 
 def _parameters(cls: type) -> set[str]:
-    """Return the named arguments of a class and of its bases, to which it passes them on."""
+    """Return the names of the constructor arguments of a class and of its bases."""
     constructors = (vars(base)["__init__"] for base in cls.__mro__[:-1] if "__init__" in vars(base))
     named = (p for init in constructors for p in inspect.signature(init).parameters.values())
     return {p.name for p in named if p.kind is not p.VAR_KEYWORD} - {"self", "env"}
@@ -243,7 +243,7 @@ def isolated(driver_model: DriverModel | None = None) -> Iterator[None]:
     on earlier scenarios.
 
     Args:
-        driver_model: driver model of an environment, valid inside the context; updated at its end.
+        driver_model: parameters of an environment's driver model, set inside the context, and updated at its end.
     """
     log = logging.getLogger("highway_env")
     level, before = log.level, _driver_model()

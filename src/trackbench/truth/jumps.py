@@ -1,4 +1,4 @@
-"""Jumps of velocity, and limits of plausible quantities."""
+"""Jumps of velocity, beyond an acceleration of 20 m/s^2, and limits of plausible quantities."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ AFTERMATH_S = 1.0
 
 
 def velocity_jumps(truth: Truth) -> Mask:
-    """Return whether the velocity jumps in each step, ``(steps - 1, objects, runs or 1)``."""
+    """Return whether the velocity changes by more than 20 m/s^2 in a step, ``(steps - 1, objects, runs or 1)``."""
     return np.asarray(_change(truth) > IMPOSSIBLE_MPS2 * np.diff(truth.time)[:, None, None])
 
 
 def after_jump(truth: Truth) -> Mask:
-    """Return whether the object has jumped at most ``AFTERMATH_S`` ago, ``(steps, objects, runs or 1)``."""
+    """Return whether the object's velocity has jumped within the last second, ``(steps, objects, runs or 1)``."""
     jumped = velocity_jumps(truth)
     time = truth.time[:, None, None]
     ends = np.where(jumped, time[1:], -np.inf)
@@ -35,7 +35,7 @@ def after_jump(truth: Truth) -> Mask:
 
 
 def summarised(truth: Truth) -> VelocityJumps:
-    """Return number and size of the velocity jumps, and the peak acceleration."""
+    """Return the number of velocity jumps, the largest one, and the peak acceleration."""
     change = _change(truth)
     if not change.size:
         return VelocityJumps(limit_mps2=IMPOSSIBLE_MPS2)
@@ -78,5 +78,5 @@ Velocity = Annotated[float, Field(ge=-LARGEST["speed"], le=LARGEST["speed"])]
 
 
 def why_too_long(seconds: float) -> str:
-    """Return the error message for a time too long after the first of a recording."""
+    """Return the error message for a row ``seconds`` after the first of a recording, longer than allowed."""
     return f"{seconds:.6g} s after the first, and a recording lasts {LONGEST:g} s at most: check the unit of time"

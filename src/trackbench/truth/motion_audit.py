@@ -1,4 +1,4 @@
-"""Figures of the motion in a recording, before and after smoothing, and refusal of impossible motion."""
+"""Accelerations, speed errors and jumps in recorded traffic, and refusal of impossible motion."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ class MotionFigures(NamedTuple):
     """Accelerations, speed errors and jumps implied by the positions and speeds of a recording."""
 
     recorded_acceleration_mps2: float
-    """Largest change of the stated speed over a step."""
+    """Largest change of the stated speed over a step, divided by the step's time."""
     recorded_vehicle: str
     recorded_speed_error_mps: float
-    """Root mean square of displacement over a step minus stated speed."""
+    """RMS over all steps of all vehicles: displacement over time minus stated speed."""
     recorded_jumps: int
-    """Number of steps whose displacement changes by more than ``IMPOSSIBLE_MPS2`` allows."""
+    """Number of instants at which the velocity by displacement changes by more than 40 m/s^2."""
     acceleration_mps2: float
-    """Largest acceleration of the motion in use."""
+    """Largest acceleration after smoothing, if any."""
     vehicle: str
     time_s: float
     impossible: int
-    """Number of vehicles whose acceleration ever exceeds ``POSSIBLE_MPS2``."""
+    """Number of vehicles whose acceleration ever exceeds the largest possible one, ``POSSIBLE_MPS2``."""
 
 
 def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float) -> MotionFigures:
-    """Return the figures of all vehicles; times count from ``start``, s, and a step takes ``dt`` s."""
+    """Return accelerations, speed errors and jumps of all vehicles; steps of ``dt`` s, times from ``start`` s."""
     used = [np.hypot(np.diff(track.vx), np.diff(track.vy)) / dt for track in tracks]
     recorded = np.array([np.abs(np.diff(track.raw_speed)).max() / dt for track in tracks])
     peaks = np.array([values.max() for values in used])
@@ -67,7 +67,7 @@ def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float) -> Moti
 
 
 def _displacement_error(x: Array, y: Array, speed: Array, dt: float) -> Array:
-    """Return displacement over each step minus mean speed, ``(steps - 1,)`` m/s."""
+    """Return displacement over time minus mean stated speed, in each step, ``(steps - 1,)`` m/s."""
     return np.asarray(np.hypot(np.diff(x) / dt, np.diff(y) / dt) - (speed[1:] + speed[:-1]) / 2)
 
 
@@ -97,14 +97,14 @@ def refuse_impossible(
     """Refuse motion that is impossible for a vehicle.
 
     Args:
-        used: figures of the motion in use.
+        used: accelerations and jumps of the motion, after smoothing if any.
         tracks: all vehicles.
-        frames: frames of all vehicles, if they drove at the same time.
+        frames: motion of all vehicles; None if they did not drive at the same time.
         dt: time of a step, s.
         smooths: whether positions were smoothed.
 
     Raises:
-        InputError: some motion is impossible; the message has the figure and the way to override.
+        InputError: a vehicle's motion is impossible; the message has the value and the option that accepts it.
     """
     smoother = "smooth longer" if smooths else SMOOTHER
 

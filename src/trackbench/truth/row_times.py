@@ -14,15 +14,15 @@ ROUNDS = 10
 
 
 def row_period(stamp: Array) -> tuple[float, Mask]:
-    """Return the period of the rows of one body, and which steps between rows lack no row.
+    """Return the usual time between rows of one body, and which neighbouring rows have no gap between them.
 
-    The period is the median of the steps without a missing row, found iteratively from the shortest steps.
+    The period is the median of the time steps without a gap, found iteratively from the shortest steps.
 
     Args:
         stamp: ``(rows,)`` time stamps, s, ascending.
 
     Returns:
-        Period, s, 0 for a single row, and a mask ``(rows - 1,)``.
+        Period, s, 0 for a single row; and a mask ``(rows - 1,)``, True where no row is missing.
     """
     steps = np.diff(stamp)
     if not len(steps):
@@ -34,11 +34,11 @@ def row_period(stamp: Array) -> tuple[float, Mask]:
 
 
 def nearest_rows(stamp: Array, time: Array) -> tuple[Indices, Array, Indices]:
-    """Return for each time the nearest row (for a tie the earlier), its distance, s, and the row before.
+    """Return, for each time, the nearest row's index (in a tie the earlier), its distance, s, and the preceding index.
 
     Args:
         stamp: ``(rows,)`` time stamps, s, ascending.
-        time: ``(times,)`` s.
+        time: ``(times,)`` times to look up, s.
     """
     after = np.clip(np.searchsorted(stamp, time), 0, len(stamp) - 1)
     before = np.maximum(after - 1, 0)

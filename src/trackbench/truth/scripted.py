@@ -26,10 +26,10 @@ STEADY = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sigm
 
 
 def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Truth:
-    """Return the motion of a script; with random motion, of every run.
+    """Return the scripted truth of all objects; with random motion, of every run.
 
     Raises:
-        InputError: an object with waypoints stands still; random motion in more runs than fit.
+        InputError: an object stands still at its waypoints, or random motion in so many runs exceeds the memory.
     """
     steps, largest = _steps(config), most_runs(config)
     if config.random and runs > largest:
@@ -75,7 +75,7 @@ def _steps(config: ScriptedOptions) -> int:
 
 
 def _path(body: ScriptedBody, key: str, steps: int, rate: int, random: Generators) -> Kinematics:
-    """Return the motion of one body, each ``(steps + 1, runs or 1)``; the speed is negative in reverse."""
+    """Return the motion of one body, arrays ``(steps + 1, runs or 1)``; the speed is negative in reverse."""
     state = _start(body.start, max(1, len(random)))
     parts: list[Kinematics] = []
     steps_left = steps
@@ -94,7 +94,7 @@ def _path(body: ScriptedBody, key: str, steps: int, rate: int, random: Generator
 def _follow(
     piece: Piece, state: Kinematics, count: int, dt: float, random: Generators
 ) -> tuple[Kinematics, Kinematics]:
-    """Return the motion at the ``count + 1`` steps of a piece, and the state from which the next piece starts."""
+    """Return the motion at the ``count + 1`` instants of a piece, and the state from which the next piece starts."""
     elapsed = np.arange(count + 1, dtype=np.float64) * dt
     if piece.waypoints is not None:
         return _polyline(np.array(piece.waypoints), piece.speed_mps, state, elapsed)
@@ -108,7 +108,7 @@ def _follow(
 
 
 def _steady(piece: Piece, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
-    """Move with constant turn rate and acceleration along the path, up to a standstill if the piece asks for one."""
+    """Move with constant turn rate and acceleration along the path, stopping if the piece ends in a standstill."""
     begin = STEADY.from_kinematics(
         state._replace(
             acceleration=np.full_like(state.px, piece.acceleration_mps2),
@@ -141,7 +141,7 @@ def _driven_by_noise(
 
 
 def _polyline(points: Array, speed: float | None, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
-    """Move straight from point to point of ``(points, 2)``, and straight on after the last."""
+    """Move straight from one of ``points`` ``(points, 2)`` m to the next, and straight on after the last."""
     pace = np.abs(state.speed) if speed is None else np.full_like(state.px, speed)
     waypoints = np.broadcast_to(points[:, :, None], (*points.shape, len(state.px)))
     corners = np.concatenate([np.stack([state.px, state.py])[None], waypoints])

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 
 def cache_file(config: HighwayOptions) -> Path:
-    """Return the cache file of the truth that ``config`` and the installed versions determine."""
+    """Return the path of the cache file, named by a hash of the options and the installed versions."""
     return cache_folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
 
 
@@ -53,7 +53,7 @@ def _key(config: HighwayOptions) -> str:
 
 
 def motion_files() -> list[Path]:
-    """List the source files that determine the motion and its stored form; a change makes a new truth."""
+    """List the source files that determine the motion and its stored form; their hash is part of the cache's key."""
     below = (Path(str(module.__file__)) for module in (streams, types, units))
     return [*sorted(Path(__file__).parent.glob("*.py")), *below]
 
@@ -95,6 +95,6 @@ def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> L
 
 
 def _determined(config: HighwayOptions) -> bool:
-    """Return whether options and versions determine the truth, which a user's own driver class may change."""
+    """Return whether the truth may be cached: a user's own driver class could change it unnoticed."""
     vehicles = config.config.get("other_vehicles_type", OWN_CLASSES)
     return str(vehicles).startswith(OWN_CLASSES)

@@ -18,36 +18,32 @@ SLOW_MPS = 0.5
 
 
 class GridTrack(NamedTuple):
-    """Motion of one track at the times ``first * dt``, ``(first + 1) * dt``, ..."""
+    """Motion of one track, arrays ``(steps,)``, at the times ``first * dt``, ``(first + 1) * dt``, ..."""
 
     track: TrafficTrack
     first: int
-    """Number of the grid's instant at which the track begins."""
+    """Index of the grid's instant at which the track begins."""
     x: Array
-    """``(steps,)`` m."""
     y: Array
-    """``(steps,)`` m."""
     vx: Array
-    """``(steps,)`` m/s."""
     vy: Array
-    """``(steps,)`` m/s."""
     heading: Array
-    """``(steps,)`` rad."""
+    """``(steps,)`` heading, rad, unwrapped; the direction of motion if none is stated."""
     raw_x: Array
-    """``(steps,)`` m, as recorded."""
+    """``(steps,)`` x as recorded, before smoothing, m."""
     raw_y: Array
-    """``(steps,)`` m, as recorded."""
+    """``(steps,)`` y as recorded, before smoothing, m."""
     raw_speed: Array
-    """``(steps,)`` m/s, as stated in the file, else from the displacement."""
+    """``(steps,)`` speed before smoothing, m/s: as stated in the file, else from the displacement."""
 
 
 def grid_step(tracks: Sequence[TrafficTrack]) -> float:
-    """Return the median time between two rows of a track, s."""
+    """Return the median time between neighbouring rows of all tracks, s."""
     return float(np.median(np.concatenate([np.diff(track.time) for track in tracks])))
 
 
 def grid_tracks(tracks: Sequence[TrafficTrack], dt: float, smoothing: Smoothing | None) -> list[GridTrack]:
-    """Return the tracks on one grid of times, without tracks on fewer than two of its instants.
+    """Return the tracks on one regular grid of times; tracks with fewer than two instants on it are left out.
 
     Tracks are interpolated linearly between rows, which leaves rows on the grid unchanged.
 
@@ -101,7 +97,7 @@ def _on_grid(track: TrafficTrack, first: int, times: Array, dt: float, smoothing
 
 
 def _course(vx: Array, vy: Array) -> Array:
-    """Return the direction of motion ``(steps,)`` rad, held while a body is slow; 0 for one that is always slow."""
+    """Return the direction of motion, ``(steps,)`` rad, held while the body is slow; 0 if it is always slow."""
     is_moving = np.hypot(vx, vy) > SLOW_MPS
     if not is_moving.any():
         return np.zeros(len(vx))
@@ -112,7 +108,7 @@ def _course(vx: Array, vy: Array) -> Array:
 
 
 def smoothed(values: Array, dt: float, smoothing: Smoothing) -> tuple[Array, Array]:
-    """Return position and velocity, ``(steps,)`` each, from recorded positions along one axis.
+    """Return smoothed position and velocity, ``(steps,)`` each, from recorded positions along one axis.
 
     The velocity at an instant is the slope of the polynomial through its window. Within half a window of the ends, the
     first or last window's polynomial is used. A track shorter than the window has one polynomial. The position is the
@@ -137,13 +133,13 @@ def smoothed(values: Array, dt: float, smoothing: Smoothing) -> tuple[Array, Arr
 
 @lru_cache
 def _least_squares(size: int, order: int, dt: float) -> Array:
-    """Return the factors ``(size, order + 1)`` that turn a window's values into polynomial coefficients."""
+    """Return the matrix ``(size, order + 1)`` that maps the values in a window to polynomial coefficients."""
     powers = np.vander((np.arange(size) - size // 2) * dt, order + 1, increasing=True)
     return np.asarray(np.linalg.pinv(powers).T)
 
 
 def recorded_noise(tracks: Sequence[GridTrack]) -> RecordedNoise:
-    """Return the root mean squares of the smoothing's changes to positions, per axis, and to speeds."""
+    """Return the RMS change by the smoothing of positions, per axis, and of speeds."""
     shift = np.concatenate([np.concatenate([t.raw_x - t.x, t.raw_y - t.y]) for t in tracks])
     change = np.concatenate([t.raw_speed - np.hypot(t.vx, t.vy) for t in tracks])
     return RecordedNoise(float(np.sqrt(np.mean(shift**2))), float(np.sqrt(np.mean(change**2))))

@@ -28,7 +28,7 @@ COVARIANCE = {f"p_{a}{b}": (a, b) for a in range(4) for b in range(a, 4)}
 
 
 def longest_gap(usual: float) -> float:
-    """Return the longest time between two rows that is no gap, s, for rows usually ``usual`` s apart."""
+    """Return the longest time between two rows that is not a gap, s, where rows are usually ``usual`` s apart."""
     return max(LONGEST_GAP_S, LONGEST_GAP_ROWS * usual)
 
 
@@ -40,47 +40,45 @@ class TrackRows:
     """
 
     id: Sequence[str]
-    """``(rows,)``."""
+    """``(rows,)`` name of the row's object."""
     time: Array
-    """``(rows,)`` s after ``start``."""
+    """``(rows,)`` time, s after ``start``."""
     px: Array
-    """``(rows,)`` m, centre of the body in the fixed frame."""
+    """``(rows,)`` x of the body's centre in the fixed frame, m."""
     py: Array
-    """``(rows,)`` m, centre of the body; counter-clockwise angles are positive."""
+    """``(rows,)`` y of the body's centre, m; the frame is right-handed, seen from above."""
     vx: Array | None = None
-    """``(rows,)`` m/s."""
+    """``(rows,)`` velocity along x in the fixed frame, m/s."""
     vy: Array | None = None
     heading: Array | None = None
-    """``(rows,)`` rad."""
+    """``(rows,)`` heading, rad, counter-clockwise from x."""
     speed: Array | None = None
-    """``(rows,)`` m/s, if the file has a speed instead of vx and vy."""
+    """``(rows,)`` speed, m/s, if the file has a speed instead of vx and vy."""
     covariance: Array | None = None
     """``(4, 4, rows)`` covariance of px, py, vx, vy; NaN for missing entries."""
     existence: Array | None = None
     """``(rows,)`` probability that the object exists."""
     length: Array | None = None
-    """``(rows,)`` m."""
     width: Array | None = None
-    """``(rows,)`` m."""
     kind: Sequence[str] | None = None
     """``(rows,)`` class, such as car, in the file's own words."""
     dont_care: Mask | None = None
     """``(rows,)`` True for don't-care boxes: no object, and a track on it is neither right nor false."""
     scene: Sequence[str] | None = None
-    """``(rows,)`` name of the bench's scene, for tracks made from exported scans."""
+    """``(rows,)`` name of the scene in trackbench, for tracks made from exported scans."""
     run: Sequence[str] | None = None
     """``(rows,)`` number of the run within its scene, for tracks made from exported scans."""
     fingerprint: Sequence[str] | None = None
-    """``(rows,)`` fingerprint of the run's measurements, for tracks made from exported scans."""
+    """``(rows,)`` hash of the run's measurements, for tracks made from exported scans."""
     start: Decimal = Decimal(0)
-    """Time of the file's clock, s, from which ``time`` counts, so that nanoseconds since 1970 stay exact."""
+    """Reading of the file's clock at time 0, s; a Decimal, so that nanoseconds since 1970 stay exact."""
 
     def __len__(self) -> int:
         return len(self.time)
 
     @property
     def velocity(self) -> tuple[Array | None, Array | None]:
-        """Velocity vx and vy as stated, or from speed and heading; None without either."""
+        """Velocities vx and vy, as stated or from speed and heading; None, None if the file has neither."""
         if self.vx is None and self.speed is not None and self.heading is not None:
             return self.speed * np.cos(self.heading), self.speed * np.sin(self.heading)
         return self.vx, self.vy
@@ -110,7 +108,7 @@ class TrackRows:
             raise InputError(f"its last row is {jumps.why_too_long(length_s)}", file=file)
 
     def rows(self, numbers: Indices) -> Self:
-        """Return some of the rows, by their numbers."""
+        """Return the rows with these indices, in their order."""
         columns: dict[str, Any] = {}
         for name in (item.name for item in fields(self)):
             value = getattr(self, name)
@@ -142,15 +140,15 @@ class TrafficTrack(NamedTuple):
 
     id: str
     time: Array
-    """``(rows,)`` s, strictly increasing."""
+    """``(rows,)`` times, s, strictly increasing."""
     x: Array
-    """``(rows,)`` m, centre of the body."""
+    """``(rows,)`` x of the body's centre, m."""
     y: Array
-    """``(rows,)`` m, centre of the body; counter-clockwise angles are positive."""
+    """``(rows,)`` y of the body's centre, m; the frame is right-handed, seen from above."""
     heading: Array | None = None
-    """``(rows,)`` rad; None if the file has none, then the course serves."""
+    """``(rows,)`` heading, rad; None if the file has none: the direction of motion is used."""
     speed: Array | None = None
-    """``(rows,)`` m/s; None if the file has none, then the displacement serves."""
+    """``(rows,)`` speed, m/s; None if the file has none: displacement over time is used."""
     length: float | None = None
     """Length, m; None if the file has none."""
     width: float | None = None
@@ -158,9 +156,8 @@ class TrafficTrack(NamedTuple):
     kind: str = ""
     """Class, such as car, in the file's own words."""
     vx: Array | None = None
-    """``(rows,)`` m/s; None if the file has neither a velocity nor speed and heading."""
+    """``(rows,)`` velocity along x, m/s; None if the file has neither a velocity nor speed and heading."""
     vy: Array | None = None
-    """``(rows,)`` m/s."""
 
 
 class TrafficFormat(Config, ABC):
@@ -201,7 +198,7 @@ TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
 
 
 def read_rows(form: TrafficFormat, file: Path) -> TrackRows:
-    """Return all rows of a file in the file's order.
+    """Return all rows of a file in the file's order, from memory if it was read before and is unchanged.
 
     Raises:
         InputError: the file is damaged.
@@ -228,9 +225,9 @@ QUANTITIES = {
 
 
 def tracks_of_rows(rows: TrackRows, file: Path) -> list[TrafficTrack]:
-    """Return the tracks in rows of any order, each with the size and class of its first row.
+    """Group rows of any order into tracks by id, each with the size and class of its first row.
 
-    A size of 0 is unknown. A column without any value for a track counts as missing for the track.
+    A size of 0 means unknown. A column without any value for a track is None in that track.
 
     Raises:
         InputError: a value or size is implausible, or a body has two rows at one time.
@@ -274,7 +271,7 @@ def _size(name: str, key: str, sizes: Array | None, row: int, file: Path) -> flo
 
 
 def moving_tracks(tracks: Sequence[TrafficTrack], file: Path) -> tuple[list[TrafficTrack], float]:
-    """Return the tracks with at least two rows, with times from the first row, and that row's time, s.
+    """Return the tracks with at least two rows, their times counted from the earliest row, and that row's time, s.
 
     Raises:
         InputError: no track has two rows.

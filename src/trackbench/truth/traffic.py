@@ -38,7 +38,7 @@ LARGEST = 20_000_000
 
 
 class RecordedVehicles(NamedTuple):
-    """Vehicles of a recording between two times."""
+    """Vehicles in a time window of a recording: motion, audit and noise."""
 
     frames: Frames
     figures: MotionFigures
@@ -46,20 +46,20 @@ class RecordedVehicles(NamedTuple):
     vehicles: int
     """Number of vehicles in the whole file."""
     start: float
-    """Time of the file's clock at the first instant, s."""
+    """Reading of the file's clock at the first instant, s."""
 
 
 class SceneBodies(NamedTuple):
-    """Numbers of the bodies in a scene."""
+    """Indices of the bodies that a scene shows."""
 
     carrier: int | None
-    """Body with the observer; None for a fixed observer."""
+    """Index of the body with the observer; None for a fixed observer."""
     present: list[int]
-    """All bodies in the scene, including the carrier."""
+    """Indices of all bodies in the scene, including the carrier."""
 
 
 def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
-    """Return the truth of one scene, and a line with the figures of the recording.
+    """Return the truth of one scene, and a line on the recording's vehicles, accelerations and noise.
 
     Raises:
         InputError: the file cannot be read or is damaged, lacks a named vehicle, or has impossible motion.
@@ -73,7 +73,7 @@ def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
 
 
 def recording_rate(config: TrafficOptions, folder: Path) -> float:
-    """Return the instants of a recording per second, Hz.
+    """Return the number of instants per second in a recording, Hz.
 
     Raises:
         InputError: the file cannot be read or is damaged, or has impossible motion.
@@ -101,7 +101,7 @@ def _recorded_vehicles(config: TrafficOptions, folder: Path) -> RecordedVehicles
 
 
 def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
-    """Return the vehicles between the start and end of the scene, smoothed and audited."""
+    """Return the vehicles between the scenario's start and end times, smoothed and audited."""
     smoothing = config.smoothing
     tracks, clock = moving_tracks(config.format.read(file), file)
     dt = grid_step(tracks)
@@ -156,7 +156,7 @@ def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size:
 
 
 def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
-    """Return the bodies of each scene: all, or without simultaneous driving as many as do not overlap."""
+    """Return the bodies of each scene: all, or, if they drove at different times, as many as never overlap."""
     number = {name: body for body, name in enumerate(frames.ids)}
     for name in config.vehicles:
         if name not in number:
@@ -215,13 +215,13 @@ def _selected_bodies(frames: Frames, bodies: Sequence[int]) -> Frames:
 
 
 def _during(frames: Frames, first: int, last: int) -> Frames:
-    """Return the steps from ``first`` to ``last``, with the bodies present in at least two of them."""
+    """Return the frames with indices ``first`` to ``last``, with the bodies present in at least two of them."""
     part = replace(frames, **{name: getattr(frames, name)[first : last + 1] for name in OF_BODIES})
     return _selected_bodies(part, np.flatnonzero(part.alive.sum(axis=0) > 1).tolist())
 
 
 def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Truth) -> None:
-    """Require that a scene shares no vehicle with the earlier scene ``number``."""
+    """Raise an error if ``truth`` shares a vehicle with ``other``, the truth of the earlier scene ``number``."""
     names = config.vehicles
     shared = {*truth.ids, names[config.scene]} & {*other.ids, names[number]}
     if shared:

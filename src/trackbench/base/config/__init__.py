@@ -30,23 +30,23 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 class Config(BaseModel):
     """Base of the configuration classes, whose field names are the keys of the scenario file.
 
-    An integer is accepted where a float is meant. Text is never turned into a number; NaN and infinity are refused.
+    An integer is accepted for a float. Text is never turned into a number; NaN and infinity are refused.
     """
 
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def problems(self) -> Iterator[Problem]:
-        """Yield the contradictions between fields, where each field is valid by itself."""
+        """Yield the contradictions between fields that are each valid alone."""
         yield from ()
 
     @classmethod
     def keys_of(cls, data: Any) -> Mapping[str, FieldInfo]:
-        """Return the fields that ``data`` may have, by their keys in the file."""
+        """Return the fields of this class that the mapping ``data`` of a file may set, by their keys in the file."""
         return keyed_fields(cls)
 
     @classmethod
     def located(cls, path: KeyPath, data: Any) -> KeyPath:
-        """Return the path in the file of a value that pydantic reports at ``path``."""
+        """Return the path in the file of the invalid value that pydantic reports at ``path`` of this class."""
         return path
 
     @model_validator(mode="wrap")
@@ -67,19 +67,19 @@ WORD, MAPPING, NUMBER, LIST = "<word>", "<mapping>", "<number>", "<list>"
 
 
 def shape(value: Any) -> str | None:
-    """Return the tag for a union of a word and a mapping; None for a value of neither kind."""
+    """Return the tag ``<word>`` or ``<mapping>`` of a value, for a field that accepts both; None for another value."""
     if isinstance(value, str):
         return WORD
     return MAPPING if isinstance(value, dict | BaseModel) else None
 
 
 def number_or_list(value: Any) -> str | None:
-    """Return the tag for a number or a list; text counts as a number, so that the message says that one is needed."""
+    """Return the tag of a number or a list; text counts as a number, so that the message asks for a number."""
     if isinstance(value, list):
         return LIST
     return NUMBER if isinstance(value, int | float | str) and not isinstance(value, bool) else None
 
 
 def text_or_list(value: Any) -> str | None:
-    """Return the tag for a union of a text and a list; None for a value of neither kind."""
+    """Return the tag of a text or a list, for a field that accepts both; None for another value."""
     return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None

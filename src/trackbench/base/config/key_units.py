@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 
 class Unit(NamedTuple):
-    """Unit of a quantity, with its size and its spellings in texts."""
+    """Unit of a physical quantity, with its size in SI units and its spellings."""
 
     quantity: str
-    """Name of the measured quantity; units of one quantity convert into each other."""
+    """Name of the measured quantity, such as "length"; only units of one quantity convert into each other."""
     factor: float
-    """Size in SI units (rad for angles)."""
+    """Size of the unit in SI units; of an angle in rad."""
     words: str
-    """Spelling within a sentence."""
+    """Spelling within a sentence, such as "metres"."""
     symbol: str
-    """Spelling after a number."""
+    """Spelling after a number, such as "m"."""
 
 
 UNITS = {
@@ -74,31 +74,31 @@ def find_unit(name: str) -> Unit | None:
 
 
 def split_key(key: str) -> tuple[str, Unit | None]:
-    """Split a key into its stem and its unit: ``range_sigma_m`` gives ``range_sigma`` and metres."""
+    """Split a key into its stem and its unit: ``range_sigma_m`` gives ``range_sigma`` and m; None for no unit."""
     stem, _, last = key.rpartition("_")
     unit = find_unit(last) if stem else None
     return (stem, unit) if unit else (key, None)
 
 
 def in_si(key: str, value: float) -> float:
-    """Return the value of a key whose name ends in its unit, in SI units and radians."""
+    """Convert the value of a key whose name ends in a unit, such as ``range_sigma_m``, to SI units and radians."""
     unit = split_key(key)[1]
     assert unit is not None
     return value * unit.factor
 
 
 def convert(value: float, source: Unit, target: Unit) -> float | None:
-    """Convert ``value`` to another unit; None between different quantities."""
+    """Convert ``value`` from the unit ``source`` to ``target``; None where they measure different quantities."""
     return value * source.factor / target.factor if source.quantity == target.quantity else None
 
 
 def show(value: float) -> str:
-    """Format a number as a scenario file has it; a fraction has four digits."""
+    """Format a number as in a scenario file; a fraction is rounded to four significant digits."""
     return f"{value:.4g}" if abs(value) < 1e4 and value != round(value) else f"{value:.10g}"
 
 
 def option_in_words(key: str, value: object) -> str:
-    """Return an option in a few words: "acceleration sigma 3 m/s^2"."""
+    """Return an option's key and value in words, such as "acceleration sigma 3 m/s^2"."""
     stem, unit = split_key(key)
     shown = f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
     return " ".join([stem.replace("_", " "), shown, *([unit.symbol] if unit else [])])

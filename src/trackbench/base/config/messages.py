@@ -38,12 +38,12 @@ _LIMITS = {
 
 
 def keyed_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Return the fields of a class by their keys in the file."""
+    """Return the fields of a configuration class, by their keys in the file."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def explain(invalid: ValidationError, fields: Fields) -> list[Problem]:
-    """Return the problems of invalid data, each with the nearest valid choice.
+    """Return the problems of invalid data, each with its key path and the nearest valid choice.
 
     Args:
         invalid: pydantic's error about the data; errors of a :class:`Config` within the data are explained already.
@@ -70,7 +70,7 @@ def _fields_within(fields: Fields, path: KeyPath) -> Fields:
 
 
 def advise(key: str, value: Any, fields: Fields) -> str:
-    """Return advice for an unknown key: the key of its quantity with the value converted, else the nearest key."""
+    """Return advice for an unknown key: a key of the same quantity with ``value`` converted, else the nearest key."""
     unit, meant = split_key(key)[1], _nearest_key(key, fields)
     key_unit = split_key(meant)[1] if meant else None
     if meant and (key_unit or unit):
@@ -86,7 +86,6 @@ def advise(key: str, value: Any, fields: Fields) -> str:
 
 
 def _nearest_key(key: str, fields: Fields) -> str | None:
-    """Return the key of the same quantity, else the key spelt most alike; None where there is neither."""
     stem, unit = split_key(key)
     if unit is not None and stem in fields:
         return stem
@@ -140,7 +139,6 @@ def _message(error: ErrorDetails, path: KeyPath, fields: Fields) -> str:
 
 
 def _spelling_hint(value: Any, message: str) -> str:
-    """Return a hint where a mapping has a key that is spelt like a word of the message."""
     words = set(re.findall(r"\w+", message))
     unknown = [str(key) for key in value if key not in words] if isinstance(value, dict) else []
     near = [name for key in unknown for name in get_close_matches(key, words, 1, 0.8)]
@@ -155,13 +153,13 @@ def unknown_word(value: Any, choices: list[str]) -> str:
 
 
 def mapping_needed(value: Any, keys: Iterable[str] = ()) -> str:
-    """Return the message about a value that is no mapping, with the keys that are possible."""
+    """Return the message about a value that must be a mapping and is not, with the keys that it may have."""
     listed = f" (keys: {', '.join(keys)})" if keys else ""
     return f"a mapping of keys to values is needed, not {shown(value)}{listed}"
 
 
 def shown(value: Any) -> str:
-    """Return a short form of a value for a message."""
+    """Return a short form of an invalid value, to be quoted in a message."""
     match value:
         case None:
             return "nothing"

@@ -28,7 +28,7 @@ REFERENCE = {"type": "string", "pattern": ":"}
 
 @dataclass(frozen=True)
 class PluginName:
-    """Mark of a text field that names a plug-in."""
+    """Mark of a text field whose text names a plug-in's class."""
 
     registry: Registry[Any]
 
@@ -43,7 +43,7 @@ class PluginName:
         return {"anyOf": [{"enum": list(self.registry.loaded())}, REFERENCE]}
 
     def find(self, name: Any, info: ValidationInfo) -> Any:
-        """Return the class behind a name, searched in the folder that the validation's context states.
+        """Return the plug-in's class with a name, searched also in the folder that the validation's context states.
 
         Raises:
             PydanticCustomError: there is no such class, or it cannot be imported.
@@ -66,11 +66,11 @@ class Plugin(PluginName):
     """
 
     key: str
-    """Key that names the class in a mapping; either a field of the class, or no option at all."""
+    """Key of the mapping whose value names the class, such as ``type``; a field of the class, or no option at all."""
     word: bool = False
-    """Whether a single word is short for ``{key: word}``."""
+    """Whether a single word may stand for the mapping ``{key: word}``."""
     options: str = ""
-    """Key under which the options stand in the mapping; empty where they stand beside ``key``."""
+    """Key under which the plug-in's options stand in the mapping; empty where they stand beside ``key``."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(partial(self._made, source))
@@ -119,7 +119,7 @@ class Plugin(PluginName):
 
 
 def _schema_reference(model: type[Config], handler: GetJsonSchemaHandler) -> dict[str, Any]:
-    """Return a reference to the JSON Schema of a plug-in's options, which stands among the definitions once."""
+    """Return a JSON Schema reference to a plug-in's options, which are stored once among the definitions."""
     model.model_rebuild()
     schema: Any = model.__pydantic_core_schema__
     name = {"ref": f"{model.__module__}.{model.__qualname__}:{id(model)}"}
@@ -173,7 +173,7 @@ class OptionsBeside(Config):
 
     @classmethod
     def located(cls, path: KeyPath, data: Any) -> KeyPath:
-        """Return the path in the file, where options stand beside the word and not within its key."""
+        """Return the path in the file of the value at ``path``; the plugin's key is left out for options beside it."""
         key, _ = plugin_field(cls)
         return path[1:] if path[:1] == (key,) and len(path) > 1 and isinstance(data.get(key), str) else path
 
@@ -192,7 +192,7 @@ class OptionsBeside(Config):
 
 
 def plugin_field(model: type[Config]) -> tuple[str, Plugin]:
-    """Return the name and the mark of the field that a single word fills with a plug-in."""
+    """Return the name and the mark of the field of a class that a single word fills with a plug-in."""
     for name, field in model.model_fields.items():
         members = (getattr(member, "__metadata__", ()) for member in get_args(field.annotation))
         for mark in chain(field.metadata, *members):

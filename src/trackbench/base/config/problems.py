@@ -16,21 +16,21 @@ PROBLEM = "problem"
 
 
 class Problem(NamedTuple):
-    """Invalid value in a configuration."""
+    """Invalid value in a configuration, with its key path and a message."""
 
     at: KeyPath
-    """Keys and list indices, from the model that reports the problem."""
+    """Path to the value: keys and list indices, from the configuration class that reports the problem."""
     message: str
     """Description of the fault and of a valid value."""
 
 
 def problem_error(message: str) -> PydanticCustomError:
-    """Return an error for a validator to raise, which carries the message word for word."""
+    """Return a pydantic error with this message, for a validator to raise."""
     return PydanticCustomError(PROBLEM, "{message}", {"message": message})
 
 
 def reject(model: str, problems: Iterable[Problem]) -> None:
-    """Raise all ``problems`` of a model as one pydantic ``ValidationError``; return if there is none."""
+    """Raise all ``problems`` of the configuration class ``model`` as one ``ValidationError``, if there are any."""
     lines = [InitErrorDetails(type=problem_error(item.message), loc=item.at, input=None) for item in problems]
     if lines:
         raise ValidationError.from_exception_data(model, lines)

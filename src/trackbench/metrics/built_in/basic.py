@@ -33,7 +33,7 @@ from trackbench.results import MetricValue
 
 
 class EstimateMetric(Metric):
-    """Metric from the sums of all estimates and innovations: ``finish`` gets their ``BlockScores``."""
+    """Metric from sums over all estimates and innovations: ``finish`` gets them as ``BlockScores``."""
 
     compared: ClassVar[bool] = False
     shared: ClassVar[Accumulator | None] = ESTIMATES
@@ -45,9 +45,9 @@ class RootMeanSquare(EstimateMetric):
     better = "smaller"
     compared = True
     rows: ClassVar[tuple[str, ...]]
-    """Rows of the sums of squared errors that are added."""
+    """Names of the squared errors that are added, such as ``px`` and ``py``."""
     column: ClassVar[str]
-    """Column of the table of runs with the error of each run."""
+    """Column of the table of runs that holds the error of each run."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -203,15 +203,15 @@ class Whiteness(EstimateMetric):
 
 
 class OverReference(EstimateMetric):
-    """Ratio of a root mean square error to its reference, both over the same estimates."""
+    """Ratio of a root mean square error to the reference error, both over the same estimates."""
 
     unit, better = "1", "smaller"
     rows: ClassVar[tuple[str, ...]]
     row: ClassVar[str]
     column: ClassVar[str]
-    """Column of the table of runs with the error of each run."""
+    """Column of the table of runs that holds the error of each run."""
     over: ClassVar[str]
-    """Column of the table of runs with the reference of each run."""
+    """Column of the table of runs that holds the reference error of each run."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -251,7 +251,7 @@ class Coverage(EstimateMetric):
 
 
 def _chi_square(total: Array, count: Array, dof: int, steps_inside: float, scenes: bool, runs: int) -> MetricValue:
-    """Return the mean and its verdict for sums ``(parts,)`` of chi-square variables in all ``runs``."""
+    """Return the mean, with its verdict, of chi-square variables with sums ``(parts,)`` in all ``runs``."""
     mean = ratio(total, count, at_least=0.0, scenes=scenes)
     value = mean.as_value("1")
     # Innovations that are zero in every run are surely too small, though their mean has no interval.
@@ -265,7 +265,7 @@ def _chi_square(total: Array, count: Array, dof: int, steps_inside: float, scene
 
 
 def _inside(count: Array, total: Array, dof: int) -> float:
-    """Return the share of the steps at which the mean over runs and objects is within its own 95 % bounds."""
+    """Return the share of the steps at which the mean NEES or NIS over runs and objects is within its 95 % bounds."""
     counted = count > 0
     low, high = mean_bounds(dof, count[counted])
     mean = total[counted] / count[counted]

@@ -20,7 +20,7 @@ class StepTime(Metric):
     of_squares = True
 
     def init(self, scope: Scope) -> Array:
-        """Return the sums of seconds and of steps."""
+        """Return zeros: seconds in the tracker, and number of steps."""
         return np.zeros(2)
 
     def update(self, sums: Array, part: Any) -> Array:

@@ -17,10 +17,10 @@ Status = npt.NDArray[np.int8]
 
 
 class TrafficScoreOptions(NamedTuple):
-    """Criteria by which a track is scored."""
+    """Criteria by which tracks are scored: cutoff distance, and cost of an identity switch."""
 
     cutoff: float = 5.0
-    """Cutoff distance of GOSPA, and of zero similarity, m; up to half of it a track is on an object."""
+    """Cutoff distance of GOSPA, m. At this distance the similarity is 0; up to half of it a track is on an object."""
     switch_costs: float = 0.5
     """Time of missing an object that costs as much in T-GOSPA as an identity switch, s."""
 
@@ -30,43 +30,44 @@ class TrafficScoreOptions(NamedTuple):
 
 
 class TruthHistory(NamedTuple):
-    """N objects at T instants."""
+    """True states of N objects at T instants, and whether each object must be tracked."""
 
     time: Array
-    """``(T,)`` s, increasing."""
+    """``(T,)`` time of each instant, s, increasing."""
     state: Array
-    """``(4, T, N)`` px, py, vx, vy in the fixed frame."""
+    """``(4, T, N)`` true px, py, vx, vy in the fixed frame."""
     status: Status
-    """``(T, N)``: ``ABSENT``, ``OPTIONAL`` (a track on it is neither right nor wrong) or ``DUE``."""
+    """``(T, N)``: ``ABSENT``, ``OPTIONAL`` (a track on the object is neither right nor wrong) or ``DUE``."""
     at_tracks: Array | None = None
-    """``(4, T, N, K)`` objects at the time stamp of each track; None if all tracks of an instant have the same."""
+    """``(4, T, N, K)`` true states at the time stamp of each track; None if all tracks of an instant have the same
+    one."""
 
     def within(self, span: slice) -> TruthHistory:
-        """Return the objects at the instants of ``span``."""
+        """Return the objects at the instants that the slice ``span`` selects."""
         at_tracks = None if self.at_tracks is None else self.at_tracks[:, span]
         return TruthHistory(self.time[span], self.state[:, span], self.status[span], at_tracks)
 
     def at(self, instant: Indices, item: Indices, column: Indices) -> Array:
-        """Return the states ``(4, P)`` that tracks in these columns are compared with."""
+        """Return true states ``(4, P)`` of P objects at P instants, at the time stamps of the tracks in P columns."""
         if self.at_tracks is not None:
             return self.at_tracks[:, instant, item, column]
         return self.state[:, instant, item]
 
 
 class TrackHistory(NamedTuple):
-    """Tracks that a tracker gave at T instants, in K columns without a meaning."""
+    """Tracks that a tracker gave at T instants. The K columns have no meaning: a track may change its column."""
 
     ids: Indices
-    """``(T, K)``, -1 where a column is empty."""
+    """``(T, K)`` id of the track in each column, -1 where a column is empty."""
     mean: Array
-    """``(4, T, K)``."""
+    """``(4, T, K)`` estimated px, py, vx, vy of each track."""
     covariance: Array
-    """``(4, 4, T, K)``."""
+    """``(4, 4, T, K)`` stated covariance of each track."""
     existence: Array | None = None
-    """``(T, K)``."""
+    """``(T, K)`` existence probability of each track; None where the tracker gives none."""
 
     def within(self, span: slice) -> TrackHistory:
-        """Return the tracks at the instants of ``span``."""
+        """Return the tracks at the instants that the slice ``span`` selects."""
         existence = None if self.existence is None else self.existence[span]
         return TrackHistory(self.ids[span], self.mean[:, span], self.covariance[:, :, span], existence)
 
@@ -79,11 +80,13 @@ class Associations(NamedTuple):
     ids: Indices
     """``(S, K)`` ids of the tracks after the scan, -1 where a column is empty."""
     origin: Indices
-    """``(S, K)`` object that caused the detection, ``FALSE_ALARM``, or ``NO_DETECTION`` where none was taken."""
+    """``(S, K)`` object that caused the detection of each track, ``FALSE_ALARM``, or ``NO_DETECTION`` where the track
+    took none."""
     detected: Mask
     """``(S, N)`` objects that caused a detection in the scan."""
     merged: Indices | None = None
-    """``(S, K)`` second object of a detection that two objects caused, else negative."""
+    """``(S, K)`` second object of a detection that two objects caused, else negative; None if no detections are
+    merged."""
 
     def within(self, span: slice) -> Associations:
         """Return the scans at the instants from ``span.start`` up to ``span.stop``."""
@@ -95,7 +98,7 @@ class Associations(NamedTuple):
 
 
 def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, rows: int, columns: int) -> Mask:
-    """Return which pairs ``(P,)`` are matched, so that the gain of each group is largest.
+    """Return the mask ``(P,)`` of the pairs in the one-to-one matching with the largest gain in each group.
 
     Args:
         group: ``(P,)`` group of each pair.
@@ -111,7 +114,7 @@ def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, ro
 
 
 def equal_stretches(group: Indices) -> list[slice]:
-    """Return the slices of successive equal numbers."""
+    """Return the slices of successive entries that are equal."""
     if not len(group):
         return []
     ends = [*(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
@@ -119,20 +122,20 @@ def equal_stretches(group: Indices) -> list[slice]:
 
 
 def among(values: Indices, chosen: Indices) -> Mask:
-    """Return which of the values, 0 or more, are among the chosen ones."""
+    """Return a mask of the ``values`` that are among the ``chosen`` ones; all are 0 or more."""
     mark = np.zeros(values.max() + 1, dtype=bool)
     mark[chosen] = True
     return mark[values]
 
 
 def last_instant(mask: Mask) -> Indices:
-    """Return the last instant up to and including each at which ``mask`` is True, ``(T, ...)``; -1 for none."""
+    """Return for each instant the last one up to and including it where ``mask`` is True, ``(T, ...)``; -1 for none."""
     steps = np.arange(len(mask)).reshape(-1, *[1] * (mask.ndim - 1))
     return np.asarray(np.maximum.accumulate(np.where(mask, steps, -1), axis=0))
 
 
 def last_instant_before(mask: Mask) -> Indices:
-    """Return the last instant before each at which ``mask`` is True, ``(T, ...)``; -1 for none."""
+    """Return for each instant the last earlier one where ``mask`` is True, ``(T, ...)``; -1 for none."""
     return np.concatenate([np.full((1, *mask.shape[1:]), -1), last_instant(mask)[:-1]])
 
 
@@ -148,9 +151,9 @@ class NearPairs(NamedTuple):
     column: Indices
     """Column of the track in the history."""
     track: Indices
-    """Number of the track: one for each id."""
+    """Number of the track: one number for each id."""
     distance: Array
-    """m."""
+    """Distance between object and track, m."""
 
     def where(self, mask: Mask) -> NearPairs:
         """Return the pairs that ``mask`` selects."""
@@ -159,7 +162,7 @@ class NearPairs(NamedTuple):
         )
 
     def within(self, span: slice) -> NearPairs:
-        """Return the pairs at the instants of ``span``, which are numbered from its start."""
+        """Return the pairs at the instants of the slice ``span``; its first instant becomes 0."""
         pairs = self.where((self.instant >= span.start) & (self.instant < span.stop))
         return pairs._replace(instant=pairs.instant - span.start)
 
@@ -173,7 +176,7 @@ class Nearby(NamedTuple):
     """All objects and tracks of a run, and the pairs of them that are within the cutoff of each other."""
 
     cutoff: float
-    """m."""
+    """Largest distance of a pair, m."""
     due: Mask
     """``(T, N)`` where an object is due."""
     there: Mask
@@ -181,20 +184,20 @@ class Nearby(NamedTuple):
     track: Indices
     """``(T, K)`` number of each track, -1 where a column is empty."""
     ids: Indices
-    """``(tracks,)`` id of each number."""
+    """``(tracks,)`` id of the track with each number."""
     pairs: NearPairs
-    """Near pairs of due objects."""
+    """Pairs of a due object and a track within the cutoff."""
     optional: NearPairs
-    """Near pairs of optional objects."""
+    """Pairs of an optional object and a track within the cutoff."""
     unscored: Mask
-    """``(T, K)`` tracks in places that are not scored: there a track counts only if it is on a due object."""
+    """``(T, K)`` tracks in places that are not scored; there a track counts only if it is on a due object."""
 
 
 class Counted(NamedTuple):
     """Objects and tracks of a run that count: due objects, and scored tracks that are on no optional object."""
 
     cutoff: float
-    """m."""
+    """Cutoff distance of GOSPA, m."""
     reach: float
     """Largest distance of a matched pair, m."""
     due: Mask
@@ -204,13 +207,13 @@ class Counted(NamedTuple):
     track: Indices
     """``(T, K)`` number of each track, -1 where a column is empty."""
     ids: Indices
-    """``(tracks,)`` id of each number."""
+    """``(tracks,)`` id of the track with each number."""
     pairs: NearPairs
-    """Near pairs of due objects and tracks that count."""
+    """Pairs, within the cutoff, of a due object and a track that counts."""
     matched: NearPairs
-    """Matched pairs."""
+    """Pairs of a due object and the track that is matched with it."""
     excused: NearPairs
-    """Pairs of an optional object and a track, which therefore does not count."""
+    """Pairs of an optional object and a track on it, which therefore does not count."""
 
     def until(self, end: int) -> Counted:
         """Return the objects and tracks that count before the instant ``end``."""
@@ -235,7 +238,7 @@ class Counted(NamedTuple):
 
 
 def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: Mask | None = None) -> Nearby:
-    """Return the pairs that may be matched; ``cutoff`` in m, ``unscored`` as in ``Nearby``, by default nowhere."""
+    """Return pairs of objects and tracks within ``cutoff``, m; ``unscored``: ``(T, K)`` tracks in unscored places."""
     ids, track = _numbered(tracks.ids)
     there, exists = track >= 0, truth.status > ABSENT
     objects = _where(truth.state[:2], exists)
@@ -249,7 +252,6 @@ def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: M
 
 
 def _numbered(ids: Indices) -> tuple[Indices, Indices]:
-    """Return the ids that occur, ascending, and the number of each entry among them, -1 for an empty one."""
     largest = int(ids.max(initial=-1))
     if largest > 4 * ids.size:
         every, number = np.unique(ids, return_inverse=True)
@@ -282,7 +284,7 @@ def excuse_tracks(near: Nearby, chosen: Mask, reach: float) -> Counted:
 
     Args:
         near: all objects and tracks.
-        chosen: ``(P,)`` which of the near pairs are matched.
+        chosen: ``(P,)`` True for the pairs of ``near`` that are matched.
         reach: largest distance of a matched pair, m.
     """
     matched, optional = near.pairs.where(chosen), near.optional
@@ -299,7 +301,7 @@ def excuse_tracks(near: Nearby, chosen: Mask, reach: float) -> Counted:
 
 
 def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> NearPairs:
-    """Return the pairs of positions ``(2, T, N)`` or ``(2, T, N, K)``, and ``(2, T, K)``, m, within ``cutoff``."""
+    """Return pairs of objects ``(2, T, N)`` (or ``(2, T, N, K)``) and tracks ``(2, T, K)`` within ``cutoff``, m."""
     steps, n, k = objects.shape[1], objects.shape[2], tracks.shape[2]
     at_once = max(1, CHUNK // max(1, n * k))
     cells, squares = [np.empty(0, dtype=np.intp)], [np.empty(0)]

@@ -19,7 +19,7 @@ STATES = ("not due", "waiting", "tracked", "switched", "lost")
 
 
 def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.int8]:
-    """Return the state of each object at each instant, ``(T, N)``."""
+    """Return each object's state at each instant, ``(T, N)``: index in ``STATES``, such as waiting, tracked or lost."""
     tracked = track_of != NO_TRACK
     untracked = np.where(np.logical_or.accumulate(tracked, axis=0), LOST, WAITING)
     states = np.where(due, np.where(tracked, TRACKED, untracked), NOT_DUE).astype(np.int8)
@@ -31,16 +31,17 @@ class Stretches(NamedTuple):
     """Stretches ``(S,)`` of instants at which an object or a track, the owner, always or never has a partner."""
 
     owner: Indices
-    """Number of the object or track, in increasing order."""
+    """Number of the object or track whose stretch it is, in increasing order."""
     paired: Mask
+    """Whether the owner has a partner in the stretch."""
     start: Indices
     """First instant of the stretch."""
     before: Indices
-    """Owner's last instant before the stretch, -1 for its first stretch."""
+    """Last instant of the owner before the stretch, -1 for the first stretch of the owner."""
     cost: Array
-    """Sum of the costs of its instants."""
+    """Sum of the owner's costs over the instants of the stretch."""
     last: Mask
-    """Whether it is the owner's last stretch."""
+    """Whether the stretch is the last one of its owner."""
 
 
 def _paired_stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
@@ -61,19 +62,19 @@ NONE = -1
 
 
 class Costs(NamedTuple):
-    """Parts of squared GOSPA from missed objects, by object, and from false tracks, by track, m^2."""
+    """Parts of squared GOSPA, m^2, from each missed object and from each false track, at each instant."""
 
     missed: Array
-    """``(T, N)``."""
+    """``(T, N)`` cost of each object without a track."""
     false: Array
-    """``(T, tracks)``."""
+    """``(T, tracks)`` cost of each track without an object."""
 
 
 class _Partners(NamedTuple):
     column: Indices
-    """``(T, N)`` column of the track of each object."""
+    """``(T, N)`` column of the track that each object is matched with; ``NONE`` for none."""
     object: Indices
-    """``(T, K)`` object of each column."""
+    """``(T, K)`` object that the track in each column is matched with; ``NONE`` for none."""
 
     def add(self, pairs: NearPairs) -> None:
         self.column[pairs.instant, pairs.object] = pairs.column
@@ -103,7 +104,7 @@ def _event_costs(of_gospa: Counted, of_clear: Counted) -> Costs:
 
 
 def _last_of_chain(instant: Indices, item: Indices, partner: Indices, owner: Indices) -> Indices:
-    """Go from each item to the owner of its partner, as long as there is one."""
+    """Go from each object (or track) to the owner of its partner, and on, until the partner has no other owner."""
     item, moving = item.copy(), np.arange(len(item))
     while len(moving):
         other = partner[instant[moving], item[moving]]
@@ -118,31 +119,31 @@ EventKind = Literal["born", "confirmed", "switched", "lost", "merged", "false", 
 
 
 class TrafficEvent(NamedTuple):
-    """One row of the table of events."""
+    """Event of a track or an object, such as a confirmation or an identity switch: a row of the table of events."""
 
     kind: EventKind
-    """born: a track is there for the first time. confirmed: an object is tracked for the first time. switched: an
-    object has another track than last. lost: a due object has no track any more, or never had one. merged: an object is
-    lost, and its former track is near an object that has another track. false: a track is on no object from here on.
+    """born: first instant of a track. confirmed: an object gets its first track. switched: an object has another track
+    than it had last. lost: an object that should be tracked loses its track, or never gets one. merged: an object is
+    lost, and its former track is near an object that has another track. false: a track begins to be on no object.
     fragmented: a lost object is tracked again."""
     instant: int
     time: float
-    """s."""
+    """Time of the instant, s."""
     track: int
     """Id of the track that the event is about, -1 where there is none."""
     object: int
-    """Number of the object, -1 where there is none."""
+    """Number of the object that the event is about, -1 where there is none."""
     other_track: int
     """switched: id of the former track; merged: id of the other object's track; else -1."""
     other_object: int
     """switched, lost: object that the former track is on now; merged: object that the former track is near; else -1."""
     x: float
-    """Position of the object, or of the track where there is no object, m."""
+    """x of the object, or of the track where there is no object, m."""
     y: float
     cost: float
-    """Part of squared GOSPA, m^2, from a missed object or a false track, see :func:`_event_costs`. confirmed: cost of
-    the instants before without a track; lost, merged: of the instants until the object has a track; false: of the
-    instants until the track is on an object. switched: cost of a switch in T-GOSPA."""
+    """Part of squared GOSPA, m^2, from a missed object or a false track. confirmed: over the instants before at which
+    the object had no track; lost, merged: over the instants until the object has a track; false: over the instants
+    until the track is on an object. switched: cost of a switch in T-GOSPA."""
     why: str
 
 
@@ -151,13 +152,13 @@ class _MatchedRun(NamedTuple):
     tracks: TrackHistory
     counted: Counted
     track_of: Indices
-    """``(T, N)``."""
+    """``(T, N)`` number of the track of each object, -1 for none."""
     object_of: Indices
-    """``(T, tracks)`` due object of each track."""
+    """``(T, tracks)`` due object that each track is on, -1 for none."""
     optional_of: Indices
-    """``(T, tracks)`` optional object of each track."""
+    """``(T, tracks)`` optional object that each track is on, -1 for none."""
     column_of: Indices
-    """``(T, tracks)`` column of each track, -1 where it is not there."""
+    """``(T, tracks)`` column of each track in the history, -1 where the track is missing."""
     counts: Mask
     """``(T, tracks)`` where the track counts."""
     costs: Costs
@@ -173,7 +174,7 @@ class _MatchedRun(NamedTuple):
         other_track: int = NO_TRACK,
         other_object: int = NOBODY,
     ) -> TrafficEvent:
-        """Make an event; tracks are given by their numbers."""
+        """Make an event; ``track`` and ``other_track`` are numbers of tracks, which become ids."""
         if item != NOBODY:
             x, y = self.truth.state[:2, instant, item].tolist()
         else:
@@ -195,13 +196,13 @@ def events(
     """Return the events of a run in the order of time; costs other than of switches add up to GOSPA's missed and false.
 
     Args:
-        truth: objects.
-        tracks: tracks.
+        truth: true states of the objects.
+        tracks: tracks that the tracker gave.
         counted: objects and tracks that count, matched as in CLEAR.
         of_gospa: objects and tracks that count, matched as in GOSPA.
-        track_of: ``(T, N)`` track of each object by CLEAR.
-        changes: switches by CLEAR.
-        switch: cost of a switch, m.
+        track_of: ``(T, N)`` number of the track that CLEAR matches with each object.
+        changes: identity switches as CLEAR counts them.
+        switch: cost of an identity switch, m.
     """
     steps, numbers = len(truth.time), len(counted.ids)
     column_of = np.full((steps, numbers), NO_TRACK)

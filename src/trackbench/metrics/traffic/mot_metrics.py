@@ -20,14 +20,13 @@ NO_TRACK = NOBODY = -1
 
 
 class Switches(NamedTuple):
-    """Identity switches ``(switches,)``, by object: an object has another track than it had last."""
+    """Identity switches ``(switches,)``, ordered by object: an object has another track than it had last."""
 
     instant: Indices
     object: Indices
     before: Indices
-    """Number of the track before the switch."""
     after: Indices
-    """Number of the track after the switch."""
+    """Number of the object's track after the switch; ``before`` is the one before."""
 
 
 def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) -> Mask:
@@ -69,7 +68,7 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
 
 
 def object_of_each(matched: NearPairs, steps: int, tracks: int) -> Indices:
-    """Return the object that each track is matched with, ``(T, tracks)``; ``NOBODY`` for none."""
+    """Return the number of the object that each track is matched with, ``(T, tracks)``; ``NOBODY`` for none."""
     object_of = np.full((steps, tracks), NOBODY)
     object_of[matched.instant, matched.track] = matched.object
     return object_of
@@ -83,7 +82,7 @@ def track_of_each(matched: NearPairs, shape: tuple[int, ...]) -> Indices:
 
 
 def switches(track_of: Indices) -> Switches:
-    """Return every change of an object's track, however long it had none in between, as CLEAR counts them."""
+    """Return every change of an object's track, however long the object had no track in between, as in CLEAR."""
     item, instant = np.nonzero(track_of.T != NO_TRACK)
     track = track_of[instant, item]
     changed = np.flatnonzero((item[1:] == item[:-1]) & (track[1:] != track[:-1])) + 1
@@ -96,13 +95,13 @@ EPSILON = np.finfo(float).eps
 
 
 class HotaScores(NamedTuple):
-    """HOTA and its parts, ``(19,)`` each: one value for each threshold."""
+    """HOTA and its two factors, each ``(19,)``: one value for each threshold of the similarity."""
 
     hota: Array
     detection: Array
-    """DetA."""
+    """Detection accuracy DetA."""
     association: Array
-    """AssA."""
+    """Association accuracy AssA."""
 
 
 def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_counts: Indices) -> HotaScores:
@@ -113,8 +112,8 @@ def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_coun
     Vision 129, with the matching of its public code: pairs that go together over the whole run are preferred.
 
     Args:
-        pairs: ``(P,)`` pairs, at least all with a similarity above zero.
-        similarity: ``(P,)`` from 0 to 1.
+        pairs: P pairs of an object and a track at an instant, at least all with a similarity above zero.
+        similarity: ``(P,)`` similarity of each pair, from 0 to 1.
         object_counts: ``(N,)`` number of instants at which each object is there.
         track_counts: ``(tracks,)`` number of instants at which each track is there.
     """

@@ -52,24 +52,24 @@ ROUNDING = 1e-12
 
 
 class RunScores(NamedTuple):
-    """Scores of one run."""
+    """Scores of the tracks of one run: metrics, GOSPA over time, events, and states of the objects."""
 
     values: RunSums
-    """Total and count by path; ``TRACK_METRICS`` says how they combine over runs. A metric that the run cannot tell is
-    left out. If objects wait for a track in vain, ``confirm_latency`` has a total without a count."""
+    """Total and number of terms of each metric, by path. A metric that the run cannot tell is left out. If objects wait
+    for a track in vain, ``confirm_latency`` has a total without a count."""
     gospa: GospaParts
-    """``(T,)`` each, m^2."""
+    """Parts of squared GOSPA at each instant, ``(T,)`` m^2."""
     events: tuple[TrafficEvent, ...]
-    """Events in the order of time."""
+    """Births, confirmations, losses, switches and other events of the run in the order of time."""
     strips: npt.NDArray[np.int8]
-    """``(T, N)`` state of each object at each instant: see :func:`strips`."""
+    """``(T, N)`` state of each object at each instant, such as waiting, tracked or lost."""
     until: tuple[RunSums, ...] = ()
-    """Values of the run up to each of some instants."""
+    """Values of the run up to each end of a stretch of time; empty where the run is not cut."""
     on: Sequence[NearPairs] = ()
-    """Pairs of a track and the object that it is on, due or optional."""
+    """Pairs of a track and the object that the track is on, due or optional."""
 
     def without_false_tracks(self) -> RunScores:
-        """Return the scores without the metrics that count tracks on no object, for truth where some may be right."""
+        """Return the scores without metrics that count tracks on no object, for a truth that lacks some objects."""
         values, *until = (
             {path: sums for path, sums in each.items() if path not in OF_FALSE_TRACKS}
             for each in (self.values, *self.until)
@@ -77,7 +77,7 @@ class RunScores(NamedTuple):
         return self._replace(values=values, until=tuple(until))
 
     def object_of(self, shape: tuple[int, ...]) -> Indices:
-        """Return the object that each track is on, ``(T, K)``; -1 for none."""
+        """Return the number of the object that the track in each column is on, ``(T, K)``; -1 for none."""
         object_of = np.full(shape, -1)
         for pairs in self.on:
             object_of[pairs.instant, pairs.column] = pairs.object
@@ -85,22 +85,22 @@ class RunScores(NamedTuple):
 
 
 class TrackedRun(NamedTuple):
-    """Run, or stretch of a run, as a metric of tracks gets it; its arrays must not be changed."""
+    """Run, or stretch of a run, that a metric of tracks gets; the arrays must not be changed."""
 
     truth: TruthHistory
     tracks: TrackHistory
     associations: Associations | None
-    """None where the tracker does not say which detections it used."""
+    """Detections that the tracks took; None where the tracker does not say."""
     scores: RunScores
-    """Sums that the built-in metrics are computed from."""
+    """Scores that the built-in metrics are computed from."""
     unscored: Mask | None = None
     """``(T, K)`` tracks in places that are not scored: outside a region, out of range, or on a don't-care box."""
     bodies: EgoScene | None = None
-    """Ego and sizes of the objects."""
+    """Motion of the vehicle that carries the sensors, and sizes of the objects."""
     seconds: float = 0.0
-    """Time spent in the tracker; each stretch of a run has an equal share."""
+    """Computing time of the tracker in the run, s; each stretch of a run has an equal share."""
     steps: float = 0.0
-    """Number of scans in this time; each stretch of a run has an equal share."""
+    """Number of scans that the computing time was spent on; each stretch of a run has an equal share."""
 
 
 def score_run(
@@ -111,11 +111,11 @@ def score_run(
     unscored: Mask | None = None,
     ends: Sequence[int] = (),
 ) -> RunScores:
-    """Return every metric of ``TRACK_METRICS`` that the run can tell, and the run's events.
+    """Return the total and count of every metric of tracks that the run can tell, and the events of the run.
 
     Args:
-        truth: the objects.
-        tracks: the tracks.
+        truth: true states of the objects.
+        tracks: tracks that the tracker gave.
         options: criteria by which a track is scored.
         associations: the detections that the tracks took; None where the tracker does not say.
         unscored: ``(T, K)`` tracks in places that are not scored.
@@ -241,7 +241,7 @@ def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
 
 
 def _added(path: str, until: Sequence[RunSums], share: Array) -> Array:
-    """Return what each stretch adds to total and count, ``(2, stretches)``; ``share`` of the time up to its end."""
+    """Return what each stretch adds to total and count, ``(2, stretches)``; ``share``: of the time up to each end."""
     sums = np.array([values.get(path, (0.0, 0.0)) for values in until]).T
     metric = METRICS[path]
     if metric.combine == "mean":

@@ -39,7 +39,7 @@ UNTIMED = 0.1
 
 
 class SceneRuns(NamedTuple):
-    """Runs of one scene, among the runs of one or more scenes that a tracker takes at once."""
+    """Runs of one scene that a tracker takes at once, perhaps with runs of other scenes."""
 
     truth: Truth
     scored: Truth
@@ -53,9 +53,9 @@ class SceneRuns(NamedTuple):
     number: int
     """Number of the first run among the runs of the whole scenario."""
     recorded: int | None
-    """Number, counted from the first run, of the run whose tracks are kept; None if it is not among these."""
+    """Index of the run whose tracks are kept, counted from the first of these runs; None if it is not among them."""
     shown: bool
-    """Whether the scene is the recorded one."""
+    """Whether the scene is the one that the recording shows."""
 
     @property
     def unlabelled(self) -> bool:
@@ -63,7 +63,7 @@ class SceneRuns(NamedTuple):
         return any(sensor.detections is not None for sensor in self.sensors)
 
     def truth_at(self, time: Array, run: int) -> TruthHistory:
-        """Return the truth at the instants ``(T,)`` s in a run, which is counted from the first."""
+        """Return the truth at the instants ``time`` ``(T,)`` s; ``run`` counts from the first of these runs."""
         number = self.runs.start + run
         state = self.scored.state_of_run(number)[:, self.due.steps]
         return TruthHistory(time, state, of_runs(self.due.status, range(number, number + 1))[..., 0])
@@ -75,15 +75,16 @@ class RecordedTracks:
 
     history: TrackHistory
     taken: Indices | None = None
-    """``(rows, 3)`` scan, id of the track and number of the detection that it took; None in other scenes."""
+    """``(rows, 3)`` index of the scan, id of the track, and index of the detection that the track took; None unless the
+    recording shows the scene."""
     predicted: dict[int, Tracks] = field(default_factory=dict)
-    """Tracks of a built-in tracker before each scan, by number of the scan."""
+    """Tracks that a built-in tracker predicts for each scan, by index of the scan."""
     tracked: TrackedRun | None = None
-    """The run, as metrics get it; None if all metrics are built in."""
+    """Truth, tracks and scores of the run, as metrics get them; None if all metrics are built in."""
 
 
 class ScoredTracks(NamedTuple):
-    """Sums over the runs of one scene, with the tracks of the recorded run."""
+    """Sums of scores over the runs of one scene, with the tracks of the recorded run."""
 
     sums: MetricSums
     recorded: RecordedTracks | None
@@ -98,13 +99,13 @@ class TrackScorer:
 
     Args:
         tracker: name of the tracker.
-        time: ``(instants,)`` s.
+        time: ``(instants,)`` time of each instant, s.
         measurements: measurements of the runs of all scenes, one after the other.
         scenes: the runs of each scene.
         metrics: metrics to compute.
         options: criteria by which a track is scored.
-        ends: instants before which the stretches of a log end; empty where it is not cut.
-        counted: numbers of the stretches that count.
+        ends: instants before which the stretches of a log end; empty where the log is not cut.
+        counted: numbers of the stretches that are scored.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class TrackScorer:
         self._tracker, self._time, self._measurements, self._scenes = tracker, time, measurements, scenes
         self._metrics, self._options, self._ends, self._counted = metrics, options, ends, counted
         self.tracks_at: list[Tracks] = []
-        """Tracks at each instant."""
+        """Tracks that the tracker gave at each instant."""
         self._taken: list[tuple[int, Tracks, int]] = []
         with_prediction = [
             scene.first + run
@@ -137,7 +138,7 @@ class TrackScorer:
 
         Args:
             step: scan and answer.
-            predicted: returns the tracks of a run before the scan, if a built-in tracker has them.
+            predicted: returns the tracks that a built-in tracker predicts for the scan in a run; None for a plug-in.
         """
         if self._untimed:
             self._untimed -= 1
@@ -153,7 +154,7 @@ class TrackScorer:
             self.tracks_at.append(step.answer)
 
     def close(self, histories: Histories | None = None) -> list[ScoredTracks]:
-        """Return the scores of each scene; ``histories`` are used in place of the tracks that were added."""
+        """Return the scores of each scene, from ``histories`` if given, else from the answers that ``take`` added."""
         taken = self._associations() if self._scenes[0].truth.known else None
         histories = histories or self._histories()
         return [self._scored_scene(scene, histories, taken) for scene in self._scenes]
@@ -207,7 +208,6 @@ class TrackScorer:
         return lambda scene, run: (scene.truth_at(self._time, run), _of_run(tracks, scene.first + run))
 
     def _associations(self) -> Associations | None:
-        """Return the detection that each track took, arrays ``(scans, ..., runs)``; None if these are not known."""
         if not self._taken or self._scenes[0].unlabelled:
             return None
         if any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
@@ -250,7 +250,7 @@ class TrackScorer:
 
 
 def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
-    """Count the ids of a run that return elsewhere after an instant without them; ``time`` is ``(T,)`` s.
+    """Count the ids that a tracker used for a second track elsewhere; ``time`` is ``(T,)`` s.
 
     A track that was not reported for a while returns where its velocity takes it: within ``cutoff``, m, and four of its
     stated standard deviations. An id that returns farther away was used again.
@@ -284,7 +284,6 @@ def _stacked(instants: Sequence[Tracks]) -> Tracks:
 
 
 def _of_run(tracks: Tracks, run: int) -> TrackHistory:
-    """Return the history of one run, in no more columns than it needs."""
     ids = tracks.ids[run]
     there = ids != NO_TRACK
     most = int(there.sum(axis=1).max(initial=0))

@@ -11,7 +11,7 @@ from trackbench.metrics.traffic.assignment import Counted
 
 
 class GospaParts(NamedTuple):
-    """Parts of GOSPA to the power p, ``(T,)`` each; the metric is the p-th root of their sum."""
+    """Parts of GOSPA to the power p at each instant, ``(T,)``; GOSPA is the p-th root of their sum."""
 
     localisation: Array
     """Sum of the distances of matched pairs to the power p."""
@@ -22,14 +22,14 @@ class GospaParts(NamedTuple):
 
     @property
     def total(self) -> Array:
-        """Sum of the parts, ``(T,)``."""
+        """``(T,)`` sum of the three parts."""
         return self.localisation + self.missed + self.false
 
 
 def gospa(counted: Counted) -> GospaParts:
-    """Return the generalised optimal sub-pattern assignment metric with alpha = 2 and p = 2.
+    """Return the parts of squared GOSPA, with alpha = 2 and p = 2, at each instant.
 
-    Its square is the sum of the squared distances in the best matching, plus c^2 / 2 for each object and each track
+    Squared GOSPA is the sum of the squared distances in the best matching, plus c^2 / 2 for each object and each track
     without a partner.
 
     Source: Rahmathullah, Garcia-Fernandez and Svensson (2017), "Generalized optimal sub-pattern assignment metric",
@@ -50,8 +50,8 @@ def parts_of_matching(
         distance: ``(P,)`` distance of each matched pair, m.
         objects: ``(T,)`` number of objects.
         tracks: ``(T,)`` number of tracks.
-        cutoff: c, m.
-        p: exponent.
+        cutoff: cutoff distance c, m.
+        p: exponent of the distances.
     """
     steps = len(objects)
     pairs = np.bincount(instant, minlength=steps)

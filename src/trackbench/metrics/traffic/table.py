@@ -18,7 +18,7 @@ Combine = Literal["ratio", "root", "mean"]
 
 
 class TrackSums:
-    """Accumulator of the built-in metrics of tracks: total and count of each of ``PATHS`` in each run."""
+    """Accumulator of the built-in metrics of tracks: total and number of terms of each metric in each run."""
 
     name = "built-in tracks"
 
@@ -26,7 +26,7 @@ class TrackSums:
         return []
 
     def update(self, sums: list[Array], run: Any) -> list[Array]:
-        """Add the sums of a :class:`~trackbench.metrics.traffic.TrackedRun`."""
+        """Add the totals and counts of one run of tracks."""
         sums.append(np.array([run.scores.values.get(path, (0.0, 0.0)) for path in PATHS]).T)
         return sums
 
@@ -47,12 +47,13 @@ class RunRatio(Metric):
     needs: ClassVar[Set[str]] = frozenset({"tracks", "truth"})
     shared: ClassVar[Accumulator | None] = TRACKS
     combine: ClassVar[Combine] = "ratio"
-    """How runs combine: ratio of the sums; root of that ratio; or mean of the runs' values (their count is 1)."""
+    """How runs combine: ratio of the sums; root of that ratio; or mean of the values of the runs, each with count 1."""
     at_least: ClassVar[float] = 0.0
     fewest: ClassVar[float] = 50
-    """Least number of runs of one scene for a calibrated interval: ``benchmarks/calibration/traffic.py``."""
+    """Least number of runs of one scene with which the interval is calibrated
+    (``benchmarks/calibration/traffic.py``)."""
     localises: ClassVar[bool] = False
-    """Whether the total has the squared distance of each matched track."""
+    """Whether the metric's total contains the squared distance of each matched track."""
     missing: ClassVar[str] = "no run tells it"
     """Reason for a missing value where no run has a term."""
 
@@ -65,7 +66,7 @@ class RunRatio(Metric):
         return f"{self.name}_total", f"{self.name}_count"
 
     def reference_axes(self, path: str, sums: Array) -> float:
-        """Return the mean over instants of two axes for each matched track."""
+        """Return twice the mean number of matched tracks at an instant, if their squared distances are summed."""
         if not self.localises:
             return super().reference_axes(path, sums)
         matched, instants = run_sums(sums, "matched_share")[0].sum(), run_sums(sums, path)[1].sum()
@@ -89,30 +90,30 @@ def run_sums(sums: Array, path: str) -> Array:
 
 
 def run_ratio(name: str, unit: str, meaning: str, better: Direction | None, **options: Any) -> RunRatio:
-    """Make a metric; the options are class variables of :class:`RunRatio`."""
+    """Make a metric of tracks that is a ratio of sums; ``options`` are class variables of :class:`RunRatio`."""
     members = {"name": name, "unit": unit, "meaning": meaning, "better": better, "__module__": __name__, **options}
     metric: RunRatio = new_class(name, (RunRatio,), {}, lambda body: body.update(members))()
     return metric
 
 
 def share(name: str, meaning: str, better: Direction | None, **options: Any) -> RunRatio:
-    """Make a metric from 0 to 1."""
+    """Make a metric of tracks that is a share from 0 to 1."""
     return run_ratio(name, "1", meaning, better, at_most=1.0, **options)
 
 
 def root_of(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
-    """Make an error metric: the root of a mean square."""
+    """Make an error metric of tracks that is the root of a mean square."""
     return run_ratio(name, unit, meaning, "smaller", combine="root", **options)
 
 
 def over_tracks(metric: type[Metric], **options: Any) -> RunRatio:
-    """Make a metric of estimates that is summed over matched tracks."""
+    """Make a metric of tracks from a metric of estimates, summed over the matched tracks."""
     options["value_name"] = metric.value_name
     return run_ratio(metric.name, metric.unit, metric.meaning, metric.better, **options)
 
 
 def of_detections(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
-    """Make a metric of a recording without truth; neither direction is better, its interval is not calibrated."""
+    """Make a metric of a recording without truth: no direction is better, and the interval is not calibrated."""
     return run_ratio(name, unit, meaning, None, needs={"tracks", "no truth"}, fewest=2, **options)
 
 

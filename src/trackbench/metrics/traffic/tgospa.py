@@ -13,7 +13,7 @@ from trackbench.trackers.multi.association import assigned
 
 
 class ObjectTrackPairs(NamedTuple):
-    """Pairs ``(E,)`` of an object and a track that are near each other at some instant."""
+    """Pairs ``(E,)`` of an object and a track that are within the cutoff at some instant."""
 
     object: Indices
     track: Indices
@@ -22,11 +22,10 @@ class ObjectTrackPairs(NamedTuple):
 
 
 class Presolved(NamedTuple):
-    """Decisions that every optimum shares, masks ``(T, E)``; a pair in neither mask is not assigned."""
+    """Masks ``(T, E)`` of pairs that every optimum assigns, and of undecided pairs; other pairs are in no optimum."""
 
     assigned: Mask
     open: Mask
-    """Pairs still to be decided."""
 
 
 def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
@@ -36,7 +35,7 @@ def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
     Take a stretch of instants without a disadvantage. To assign the pair from the start of the stretch, or up to its
     end, costs at most three changes there: the pair begins or ends, and its object and its track each leave or take
     another. So the pair is assigned at every instant up to which, and from which on, its advantages in the stretch sum
-    to more. There is no such cost where the run begins and ends.
+    to more than these changes. There is no such cost where the run begins and ends.
 
     Args:
         pairs: pairs with a gain of 0 or more.
@@ -53,14 +52,14 @@ def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
 
 
 def _since(advantage: Array) -> Array:
-    """Sum the advantage since the last disadvantage; infinite where there was none before."""
+    """Sum the advantage over the instants since the last one with a disadvantage; infinite where there was none."""
     total = np.cumsum(advantage, axis=0)
     last = last_instant(advantage < 0)
     return np.where(last < 0, np.inf, total - np.take_along_axis(total, np.maximum(last, 0), axis=0))
 
 
 def _rivals(gain: Array, owner: Indices) -> Array:
-    """Return the best gain among the other pairs of the same owner, ``(T, E)``; 0 where there is none."""
+    """Return, for each pair, the best gain among other pairs of the same owner, ``(T, E)``; 0 if there are none."""
     rivals = np.zeros_like(gain)
     for columns in _columns_of(owner):
         if len(columns) > 1:
@@ -80,14 +79,14 @@ TOLERANCE = 1e-6
 
 
 def relaxed_weights(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> Array:
-    """Return the weights of least cost, from 0 to 1, of the pairs at each instant, ``(T, E)``.
+    """Return the weight of each pair at each instant in the cheapest solution, ``(T, E)`` from 0 to 1.
 
     Source: Garcia-Fernandez, Rahmathullah and Svensson (2020), "A metric on the space of finite sets of trajectories
     for evaluation of multi-target tracking algorithms", section IV (the relaxation is a metric too).
 
     Args:
-        pairs: of objects and tracks.
-        plain: decisions that need not be solved.
+        pairs: pairs of objects and tracks, with their gains.
+        plain: pairs that every optimum assigns, and undecided pairs.
         half: cost of a change of a weight by one from one instant to the next.
     """
     # Their import takes .2 s, and few runs need them.
@@ -139,7 +138,7 @@ ROUNDING = 1e-9
 
 
 class Weights(NamedTuple):
-    """Assignments of some objects to tracks."""
+    """Assignments of some objects to tracks at each instant, as weights of their pairs."""
 
     pairs: ObjectTrackPairs
     weight: Array
@@ -147,7 +146,7 @@ class Weights(NamedTuple):
     exact: bool
 
     def saved(self) -> float:
-        """Return the sum of the gains."""
+        """Return the cost that the assignments save: the sum of their gains."""
         return float((self.pairs.gain * self.weight).sum())
 
     def changes(self) -> float:
@@ -188,7 +187,7 @@ def solve_together(every: ObjectTrackPairs, half: float) -> Weights:
 
 
 def _path_of_one(gain: Array, half: float) -> Array:
-    """Return the pair to take at each instant, ``(T, E)``; a gain is never below 0, so one is always taken.
+    """Return the pair that an object takes at each instant, ``(T, E)``; gains are 0 or more, so it always takes one.
 
     While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
     """
@@ -208,7 +207,7 @@ def _path_of_one(gain: Array, half: float) -> Array:
 
 
 def _joint_assignments(pairs: ObjectTrackPairs) -> Array | None:
-    """Return every set of pairs without a common object or track, ``(S, E)``; None where there are too many."""
+    """Return every set of pairs in which no object or track occurs twice, ``(S, E)``; None where there are too many."""
     sets: list[tuple[int, ...]] = [()]
     for item in np.unique(pairs.object):
         pairs_of_item = np.flatnonzero(pairs.object == item).tolist()
@@ -259,7 +258,7 @@ def _path_step_by_step(pairs: ObjectTrackPairs, half: float) -> Array:
 
 
 class TgospaParts(NamedTuple):
-    """Parts of T-GOSPA to the power 2, m^2, summed over the instants; the metric is the root of their sum."""
+    """Parts of squared T-GOSPA, m^2, summed over the instants; T-GOSPA is the root of their sum."""
 
     localisation: float
     missed: float
@@ -272,12 +271,12 @@ class TgospaParts(NamedTuple):
 
     @property
     def total(self) -> float:
-        """Sum of the parts, m^2."""
+        """Sum of the four parts, m^2."""
         return self.localisation + self.missed + self.false + self.switch
 
 
 def tgospa(counted: Counted, switch: float) -> TgospaParts:
-    """Return the parts of the trajectory GOSPA metric with p = 2; ``switch`` is the cost of a switch, m.
+    """Return the parts of T-GOSPA, GOSPA of trajectories, with p = 2; ``switch`` is the cost of a switch, m.
 
     A change from one track to another costs ``switch`` squared; a change to or from no track half of it. Objects are
     solved one by one. Objects that use the same track at an instant are then solved together, by dynamic programming
@@ -313,7 +312,7 @@ class _Gains:
         self._pairs = ObjectTrackPairs(*np.divmod(couple, numbers), gain)
         bounds = np.searchsorted(self._pairs.object, np.arange(counted.due.shape[1] + 1))
         self.of_object = np.split(np.arange(len(couple)), bounds[1:-1])
-        """Numbers of the pairs of each object."""
+        """Indices of the pairs of each object."""
 
     def of_group(self, objects: frozenset[int]) -> ObjectTrackPairs:
         """Return the pairs of a group of objects with the tracks near them."""

@@ -23,22 +23,23 @@ Event = tuple[int, TrafficEvent]
 
 @dataclass
 class Timeline:
-    """Sums and events of some runs of one tracker in one scene."""
+    """GOSPA over time summed over some runs of one tracker in one scene, with their events."""
 
     runs: int = 0
     gospa: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    """``(3, T)`` sums over runs of the parts of GOSPA at each instant, m^2."""
+    """``(3, T)`` the parts of squared GOSPA at each instant (localisation, missed, false), summed over the runs,
+    m^2."""
     events: list[Event] = field(default_factory=list)
-    """Events with the number of their run: all of the recorded run, and the costliest of the others."""
+    """Events with the number of their run: all events of the recorded run, and the costliest of the other runs."""
     recorded: int | None = None
-    """Number of the recorded run, if it is among these."""
+    """Number of the recorded run; None if it is not among these runs."""
     strips: npt.NDArray[np.int8] | None = None
     """``(T, N)`` states of the objects in the recorded run."""
     reused_ids: int = 0
     """Number of ids that were used again after their track had ended."""
 
     def add(self, run: int, scores: RunScores, *, recorded: bool) -> None:
-        """Add the scores of the run with a number."""
+        """Add the scores and events of the run numbered ``run``; ``recorded``: whether it is the recorded run."""
         self.runs += 1
         parts = np.stack(scores.gospa)
         self.gospa = parts if not self.gospa.size else self.gospa + parts
@@ -50,7 +51,7 @@ class Timeline:
 
 
 def dearest(events: Sequence[Event], recorded: int | None) -> list[Event]:
-    """Return all events of the recorded run and the costliest of the others, in the order of runs and time."""
+    """Return all events of the recorded run and the costliest of the other runs, in the order of runs and time."""
     others = [event for event in events if event[0] != recorded]
     if len(others) > MOST_EVENTS:
         others = heapq.nlargest(MOST_EVENTS, others, key=lambda item: (item[1].cost, -item[0], -item[1].instant))

@@ -23,19 +23,19 @@ RunSums = dict[str, tuple[float, float]]
 
 
 def durations(time: Array) -> Array:
-    """Return the time from each instant to the next, ``(T,)`` s; for the last the mean of the others, or 0."""
+    """Return the time from each instant to the next, ``(T,)`` s; the last instant gets the mean of the others, or 0."""
     steps = np.diff(time)
     return np.append(steps, steps.mean() if len(steps) else 0.0)
 
 
 def never_confirmed(track_of: Indices, due: Mask) -> tuple[float, float]:
-    """Return the number of due objects that are never tracked, and the number of due objects."""
+    """Return the number of objects that should be tracked and never are, and the number that should be tracked."""
     ever_due, ever_tracked = due.any(axis=0), (track_of != NO_TRACK).any(axis=0)
     return float((ever_due & ~ever_tracked).sum()), float(ever_due.sum())
 
 
 def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, float]:
-    """Return the time that objects were due before a first track, or without any, and the number that got one.
+    """Return the total time that due objects have had no track yet, and the number of objects that get a track.
 
     The quotient is the mean time to an event that may not be waited for: the maximum-likelihood estimate for a constant
     rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time on test
@@ -47,7 +47,7 @@ def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, 
 
 
 def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
-    """Return the due instants without a track after the object's first track, and all due instants from then on."""
+    """Return how many due instants after an object's first track are without a track, and how many there are."""
     tracked = track_of != NO_TRACK
     since = due & np.logical_or.accumulate(tracked, axis=0)
     return float((since & ~tracked).sum()), float(since.sum())
@@ -62,7 +62,7 @@ def false_tracks(counted: Counted) -> Indices:
 
 
 def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> RunSums:
-    """Sum the squared errors of matched pairs, m^2 and (m/s)^2, their NEES, and the NEES up to their 95 % quantile.
+    """Return sums over matched pairs: squared errors, m^2 and (m/s)^2, NEES, and number of NEES up to the 95 % point.
 
     Errors are estimate minus truth, in the fixed frame. Values that are not finite do not count, such as the velocity
     of tracks without one, nor do covariances that are not positive definite.

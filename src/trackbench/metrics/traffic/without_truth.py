@@ -26,21 +26,20 @@ class UnlabelledScan(NamedTuple):
     """Scan that a tracker has processed, with the tracks after it and a score of the tracks before it."""
 
     time: float
-    """s"""
+    """Time of the scan, s."""
     detections: int
-    """Number of detections."""
     ids: Indices
     """``(K,)`` ids of the tracks after the scan."""
     used: Indices | None
-    """``(K,)`` detection that each track used, -1 for none; None where the tracker does not say."""
+    """``(K,)`` index of the detection that each track used, -1 for none; None where the tracker does not say."""
     nis: Array
-    """``(n,)`` NIS over its degrees of freedom, of each used detection that a track predicted."""
+    """``(n,)`` NIS divided by its degrees of freedom, of each used detection that a track had predicted."""
     log_score: float | None
-    """Poisson score of the predicted intensity of detections; None where the tracker was not asked."""
+    """Poisson score of the predicted intensity of detections; None where no predictions are known."""
 
 
 def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
-    """Return the total and count of each metric of ``DETECTION_METRICS`` that the scans tell, by path.
+    """Return total and count of each metric of a recording without truth, by path; unknown metrics are left out.
 
     Tracks at the begin and the end of the log count as long as they are seen.
     """
@@ -62,13 +61,13 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
 
 
 def run_scores_of(values: RunSums) -> RunScores:
-    """Return the scores of a run without truth."""
+    """Return the scores of a run without truth: metric values alone, without GOSPA, events and object states."""
     none = np.zeros(0)
     return RunScores(values, GospaParts(none, none, none), (), np.zeros((0, 0), dtype=np.int8))
 
 
 def judged_scan(scan: Scan, config: Sensor, predicted: Tracks | None, tracks: Tracks) -> UnlabelledScan:
-    """Return a scan of one run, scored by the tracks before it and after it.
+    """Return a scan of one run with a score of the tracks that were predicted for it, and the tracks after it.
 
     Args:
         scan: scan with a ``measurement`` ``(m, D)``.

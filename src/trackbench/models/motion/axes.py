@@ -15,24 +15,24 @@ Rows = Sequence[Sequence[Array | float]]
 
 
 def on_both_axes(rows: Rows) -> Array:
-    """Expand the matrix ``(n, m, ...)`` of one axis to ``(2 n, 2 m, ...)`` for a state px, py, vx, vy, ..."""
+    """Expand a matrix of one axis ``(n, m, ...)`` to both, ``(2 n, 2 m, ...)``, for a state px, py, vx, vy, ..."""
     return linalg.matrix(
         [[entry if i == j else 0.0 for entry in row for j in range(2)] for row in rows for i in range(2)]
     )
 
 
 class DrivenAxes(MotionModel):
-    """Linear model of two axes that move independently and alike."""
+    """Linear motion model whose two axes move independently and alike."""
 
     linear: ClassVar[bool] = True
 
     @abstractmethod
     def axis_jacobian(self, dt: float) -> Rows:
-        """Return the transition matrix ``(n, n)`` of position, velocity and so on along one axis."""
+        """Return the transition matrix ``(n, n)`` over ``dt`` of position, velocity and so on along one axis."""
 
     @abstractmethod
     def axis_gain(self, dt: float) -> Rows:
-        """Return the gain ``(n, q)`` of the driving noises of one axis."""
+        """Return the gain ``(n, q)`` over ``dt`` of one axis's driving noises on position, velocity and so on."""
 
     def jacobian(self, x: Array, dt: float) -> Array:
         return on_both_axes(self.axis_jacobian(dt))

@@ -16,7 +16,7 @@ from trackbench.base.types import Array, Gaussian, Scan
 
 
 class Kinematics(NamedTuple):
-    """Motion of a rigid body in the fixed frame, each ``(...)``, from which the state of any model can be built."""
+    """Motion of rigid bodies in the fixed frame, arrays ``(...)``, from which any motion model's state can be built."""
 
     px: Array
     py: Array
@@ -34,9 +34,9 @@ class InitialSigmas(NamedTuple):
     """Standard deviations of state components that position and velocity do not determine."""
 
     acceleration: float
-    """m/s^2"""
+    """Standard deviation of the acceleration, m/s^2."""
     yaw_rate: float
-    """rad/s"""
+    """Standard deviation of the yaw rate, rad/s."""
 
 
 #: Components whose initial uncertainty a scenario states, by quantity.
@@ -45,64 +45,64 @@ YAW, YAW_RATE = ("yaw",), ("yaw_rate",)
 
 
 class SensorErrors(NamedTuple):
-    """Errors of a sensor that are part of the state: ``z = h(x) + E x + w``."""
+    """Equations of a measurement whose sensor's errors are part of the state x: ``z = h(x) + E x + w``."""
 
     gain: Array
-    """Gain ``E``, ``(m, n, ...)``."""
+    """Matrix ``E``, ``(m, n, ...)``, which adds the errors in the state to the measurement."""
     noise: Array
-    """``(m, m, ...)`` covariance of the remaining white noise ``w``."""
+    """Covariance ``(m, m, ...)`` of the remaining white noise ``w``."""
 
 
 class MotionModel(Config, ABC):
     """Model of a state's motion, driven by white noise that is constant over each step.
 
-    The fields of a subclass are its options in a scenario, and its methods the equations. The default methods suit a
+    The fields of a subclass are its options in a scenario, and its methods the equations. Inherited methods suit a
     state that begins with px, py, vx, vy. A state is ``(n, ...)``; ``dt`` is in seconds and may be zero.
     """
 
     components: ClassVar[tuple[str, ...]]
-    """Names of the state's components."""
+    """Names of the state's components, such as "px" and "vx"."""
     angular: ClassVar[tuple[int, ...]] = ()
-    """Indices of the components that are angles."""
+    """Indices of the state's components that are angles."""
     linear: ClassVar[bool] = False
-    """Whether the transition, its noise gain and the conversion to Cartesian are linear."""
+    """Whether the transition, the noise gain and the conversion to px, py, vx, vy are linear in the state."""
     driving_noise: ClassVar[tuple[str, ...]]
-    """Name of the option with the standard deviation, for each column of the noise gain."""
+    """Name of the option with the standard deviation of the driving noise, for each column of the noise gain."""
     pure: ClassVar[bool] = False
-    """Whether the equations depend on their arguments and the options alone, so that the fused engine may compile them.
-    A subclass must state this anew."""
+    """Whether the results of all methods depend on their arguments and the options alone, so that the fused engine may
+    compile them. A subclass must state this anew."""
     first_sigmas: ClassVar[Mapping[str, float]] = {}
-    """Standard deviations at a track's start of components without a key in the scenario. Keys exist for positions,
-    velocities, accelerations (px, py, vx, vy, v, ax, ay, a), yaw and yaw_rate."""
+    """Standard deviations at a track's start of the components for which scenarios have no key. They have keys for
+    positions, velocities, accelerations (px, py, vx, vy, v, ax, ay, a), yaw and yaw_rate."""
 
     @property
     def noise_sigma(self) -> tuple[float, ...]:
-        """``(q,)`` standard deviations of the driving noises; ``(q, ...)`` if they differ within the batch."""
+        """Standard deviations ``(q,)`` of the driving noises; ``(q, ...)`` if they differ within the batch."""
         return tuple(getattr(self, name) for name in self.driving_noise)
 
     @property
     def batched(self) -> bool:
-        """Whether the members of a batch have different driving noise."""
+        """Whether the standard deviations of the driving noises differ within the batch."""
         return any(np.ndim(sigma) > 0 for sigma in self.noise_sigma)
 
     @abstractmethod
     def transition(self, x: Array, dt: float) -> Array:
-        """Return the state ``(n, ...)`` after ``dt``, without noise."""
+        """Return the state ``(n, ...)`` after ``dt`` seconds, without noise."""
 
     @abstractmethod
     def jacobian(self, x: Array, dt: float) -> Array:
-        """Return the derivative ``(n, n, ...)`` of the transition."""
+        """Return the derivative ``(n, n, ...)`` of the transition with respect to the state."""
 
     @abstractmethod
     def noise_gain(self, x: Array, dt: float) -> Array:
-        """Return the effect ``(n, q, ...)`` of each driving noise, constant over ``dt``, on the state."""
+        """Return the effect ``(n, q, ...)`` on the state of each driving noise, which is constant over ``dt``."""
 
     def to_cartesian(self, x: Array) -> Array:
-        """Return ``(4, ...)`` px, py, vx, vy."""
+        """Return px, py, vx, vy ``(4, ...)`` of a state ``(n, ...)``."""
         return x[:4]
 
     def cartesian_jacobian(self, x: Array) -> Array:
-        """Return the derivative ``(4, n, ...)`` of ``to_cartesian``."""
+        """Return the derivative ``(4, n, ...)`` of ``to_cartesian`` with respect to the state."""
         return np.eye(4, len(self.components))
 
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
@@ -115,15 +115,15 @@ class MotionModel(Config, ABC):
 
     @property
     def sensors_with_errors(self) -> frozenset[str]:
-        """Names of the sensors with errors in the state."""
+        """Names of the sensors whose errors are part of the state."""
         return frozenset()
 
     def sensor_errors(self, scan: Scan) -> SensorErrors | None:
-        """Return the errors of the scan's sensor in the state; None if the state has none."""
+        """Return how errors of the scan's sensor in the state enter its measurement; None if the state has none."""
         return None
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
-        """Return a belief of the state with a Cartesian position and velocity, other components zero."""
+        """Return a belief of the state with the px, py, vx, vy of ``belief``; other components have mean zero."""
         if len(self.components) == 4:
             return belief
         return pad_state(self, belief, sigmas)
@@ -147,7 +147,7 @@ class MotionModel(Config, ABC):
         """Return the motion of a body in the state ``x``; driving noise stands in for rates that the state lacks.
 
         Args:
-            x: ``(n, ...)``.
+            x: state ``(n, ...)``.
             noise: ``(q, ...)`` driving noise at that time.
             resting: ``(...)`` course of a body at rest, whose velocity has no direction.
         """
@@ -178,20 +178,20 @@ def pad_state(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gau
 
 
 def scaled_noise_gain(model: MotionModel, x: Array, dt: float) -> Array:
-    """Return ``G diag(sigma)``, ``(n, q, ...)``: the effect of one standard deviation of each driving noise."""
+    """Return the effect ``G diag(sigma)``, ``(n, q, ...)``, on the state of one sigma of each driving noise."""
     sigma = linalg.vector(model.noise_sigma)
     gain = linalg.expand(model.noise_gain(x, dt), sigma[None])
     return gain * linalg.expand(sigma, gain[0])
 
 
 def process_noise_covariance(model: MotionModel, x: Array, dt: float) -> Array:
-    """Return the covariance ``G diag(sigma^2) G^T``, ``(n, n, ...)``, of the process noise over ``dt``."""
+    """Return the process noise over ``dt``: the covariance ``G diag(sigma^2) G^T``, ``(n, n, ...)``."""
     scaled = scaled_noise_gain(model, x, dt)
     return linalg.matmul_transposed(scaled, scaled)
 
 
 class WrappedMotion(MotionModel):
-    """Motion model around another one, whose state comes first in the combined state."""
+    """Motion model that extends an inner motion model, whose state comes first in the combined state."""
 
     motion: MotionModel
 
@@ -225,7 +225,7 @@ class ConstantProcessNoise(WrappedMotion):
     """
 
     variances: tuple[float, ...]
-    """``(n,)`` diagonal of the covariance that a step adds, in squared units of the components."""
+    """Diagonal ``(n,)`` of the covariance that each step adds, in squared units of the state's components."""
 
     def model_post_init(self, context: Any) -> None:
         for name in ("components", "angular", "linear", "first_sigmas"):

@@ -41,10 +41,10 @@ class ConstantVelocity(VelocityAxes):
 
 
 class ContinuousNoiseVelocity(VelocityAxes):
-    """State px, py, vx, vy; continuous white-noise acceleration on each axis, whatever the scan rate.
+    """State px, py, vx, vy; white-noise acceleration on each axis that is continuous in time.
 
-    The covariance that the noise adds to position and velocity has full rank. The gain is a square root of it, for two
-    independent numbers on each axis. Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.2.2.
+    The noise over a time does not depend on the number of scans in it. Its covariance has full rank; two independent
+    driving noises per axis enter by its square root. Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.2.2.
     """
 
     acceleration_density_mps1p5: Sigma = Field(

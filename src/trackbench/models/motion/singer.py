@@ -18,7 +18,6 @@ TERMS = 24
 
 
 def _series(first: int, share: Callable[[int], int]) -> Sequence[float]:
-    """Return the coefficients of ``(-1)^k share(k) / (k + 1)! b^(k - first)``, from the lowest power on."""
     return [(-1) ** k * share(k) / factorial(k + 1) for k in range(first, first + TERMS)]
 
 
@@ -30,22 +29,22 @@ POSITION = _series(4, lambda k: 2**k - 2 * k - 2)
 
 
 class _UnitStep(NamedTuple):
-    """Singer's model over a step of 1, for a ratio b of step and time constant and a noise density of 1."""
+    """Singer's model over a step of 1, for a ratio b of the step to the time constant and a noise density of 1."""
 
     to_a: Array
-    """Acceleration after the step for an acceleration of 1 before."""
+    """Acceleration after the step, for an acceleration of 1 before the step."""
     to_v: Array
-    """Change of the velocity for an acceleration of 1 before."""
+    """Change of the velocity over the step, for an acceleration of 1 before the step."""
     to_p: Array
-    """Change of the position for an acceleration of 1 before."""
+    """Change of the position over the step, for an acceleration of 1 before the step."""
     velocity: Array
-    """Variance that the noise adds to the velocity."""
+    """Variance that the noise adds to the velocity over the step."""
     position_acceleration: Array
     position: Array
 
 
 def _unit_step(b: Any) -> _UnitStep:
-    """Evaluate closed forms, and their series where terms nearly cancel."""
+    """Evaluate Singer's model over a unit step: closed forms, and power series where their terms nearly cancel."""
     near = b < 1.0
     small, far = np.where(near, b, 0.0), np.where(near, 1.0, b)
     e = np.exp(-far)

@@ -28,7 +28,7 @@ def bessel0(h: Array) -> Array:
 
 
 def bessel1(h: Array) -> Array:
-    """Compute ``(sin(h) - h cos(h)) / h^2``, the spherical Bessel function j1; j0' = -j1."""
+    """Compute the spherical Bessel function j1, ``(sin(h) - h cos(h)) / h^2``, minus the derivative of j0."""
 
     def closed(far: Array) -> Array:
         c, s = cos_sin(far)
@@ -38,7 +38,7 @@ def bessel1(h: Array) -> Array:
 
 
 def bessel1_slope(h: Array) -> Array:
-    """Compute the derivative of j1: ``j0(h) - 2 j1(h) / h``."""
+    """Compute the derivative of the spherical Bessel function j1: ``j0(h) - 2 j1(h) / h``."""
     return _near_and_far(h, _series(J1_SLOPE, h), lambda far: bessel0(far) - 2.0 * bessel1(far) / far)
 
 
@@ -67,12 +67,12 @@ class Arc(NamedTuple):
     dx: Array
     dy: Array
     cos: Array
-    """Cosine of the direction half way."""
+    """Cosine of the yaw half way along the path."""
     sin: Array
 
 
 def arc(yaw: Array, yaw_rate: Array, mean_speed: Array, half_gain: Array | None, dt: float | Array) -> Arc:
-    """Compute the displacement of a body from its yaw and yaw rate at the start; see ``Arc`` for ``half_gain``, b."""
+    """Compute the displacement over ``dt``; ``mean_speed`` and ``half_gain`` are ``u`` and ``b`` of :class:`Arc`."""
     half = yaw_rate * (0.5 * dt)
     c, s = cos_sin(yaw + half)
     along = dt * mean_speed * bessel0(half)
@@ -83,14 +83,14 @@ def arc(yaw: Array, yaw_rate: Array, mean_speed: Array, half_gain: Array | None,
 
 
 def to_cartesian(x: Array) -> Array:
-    """Convert px, py, v, yaw, ... to px, py, vx, vy."""
+    """Convert a state px, py, v, yaw, ... to px, py, vx, vy ``(4, ...)``."""
     px, py, v, yaw = x[:4]
     c, s = cos_sin(yaw)
     return linalg.vector([px, py, v * c, v * s])
 
 
 def cartesian_jacobian(x: Array) -> Array:
-    """Return the derivative ``(4, n, ...)`` of ``to_cartesian``."""
+    """Return the derivative ``(4, n, ...)`` of ``to_cartesian`` with respect to the state."""
     v, yaw = x[2], x[3]
     c, s = cos_sin(yaw)
     rest = [0.0] * (len(x) - 4)
@@ -122,7 +122,7 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
 
 
 def _cartesian_moments(belief: Gaussian) -> Gaussian:
-    """Return the exact mean and covariance of px, py, vx, vy under a belief with any variance of the yaw.
+    """Return the exact mean and covariance of px, py, vx, vy under a belief, however large the variance of the yaw.
 
     With ``u = v exp(i yaw)``: under a Gaussian ``z``, ``E[g(z) exp(i k yaw)]`` is ``exp(i k m_yaw - k^2 P_yaw / 2)``
     times ``E[g(z + i k P_{:,yaw})]``, the characteristic function with a shifted mean.

@@ -40,12 +40,12 @@ Latency = Annotated[
 
 
 def sensor_type(kind: str) -> str:
-    """Return the type of sensor with a kind of scan: "radar" for "radar(range, azimuth)"."""
+    """Return the type of sensor in the kind of a scan: "radar" for "radar(range, azimuth)"."""
     return kind.partition("(")[0]
 
 
 class Dropout(Config):
-    """Interval without measurements."""
+    """Interval of time in which the sensor makes no measurements."""
 
     from_s: NonNegative = Field(description="First instant without a measurement, s.")
     to_s: NonNegative = Field(description="First instant with measurements again, s.")
@@ -120,12 +120,12 @@ class Sensor(SensorModel):
 
     @classmethod
     def kind(cls) -> str:
-        """Return the name by which a scenario asks for this class."""
+        """Return the name by which a scenario names this class of sensors."""
         return SENSOR_MODELS.name_of(cls)
 
     @property
     def latency(self) -> tuple[float, float]:
-        """Least and largest time from a measurement to its arrival, s."""
+        """Shortest and longest time from a measurement to its arrival, s."""
         low, high = self.latency_s if isinstance(self.latency_s, list) else (self.latency_s, self.latency_s)
         return low, high
 

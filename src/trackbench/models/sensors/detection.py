@@ -19,7 +19,7 @@ Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 def signal_ratio(distance: Array, half_range_m: float) -> Array:
-    """Compute mean signal-to-noise ratios ``(...)`` at distances in m, by the radar equation.
+    """Compute the mean signal-to-noise ratios ``(...)`` of targets at distances in m, by the radar equation.
 
     Half of the targets at ``half_range_m`` are detected. Source: Swerling (1954), "Probability of detection for
     fluctuating targets", case 1: ``P = P_fa^(1 / (1 + S))``, with the signal-to-noise ratio S proportional to
@@ -30,12 +30,12 @@ def signal_ratio(distance: Array, half_range_m: float) -> Array:
 
 
 def detected_share(distance: Array, half_range_m: float) -> Array:
-    """Compute P_D ``(...)`` of a Swerling 1 target at distances in m; it is 0.5 at ``half_range_m``."""
+    """Compute the P_D ``(...)`` of Swerling 1 targets at distances in m, which is 0.5 at ``half_range_m``."""
     return np.asarray(FALSE_ALARM_PROBABILITY ** (1.0 / (1.0 + signal_ratio(distance, half_range_m))))
 
 
 class DetectionFactors(Config):
-    """Dependence of the detection probability on the range."""
+    """Dependence of a sensor's detection probability on the range."""
 
     half_range_m: Positive | None = Field(
         None,
@@ -83,7 +83,7 @@ class Clutter(Config):
 
 
 class Resolution(Config):
-    """Cell in which two vehicles give one measurement; a quantity without a size does not separate vehicles."""
+    """Cell in which two vehicles give one measurement; a component whose size is left out does not separate them."""
 
     range_m: Positive | None = Field(None, description="Size in range, m.")
     azimuth_deg: Positive | None = Field(None, description="Size in azimuth, degrees.")
@@ -95,7 +95,7 @@ class Resolution(Config):
 
 
 class StatedDetection(Config):
-    """Figures that the sensor states to trackers in place of the simulated ones."""
+    """Detection probability and clutter that the sensor states to trackers, in place of the simulated values."""
 
     detection_probability: Probability | None = Field(
         None, description="P_D of a vehicle in the field of view; default: detection_probability of the sensor."

@@ -13,7 +13,7 @@ from trackbench.models.sensors.base import Sensor
 
 
 class Lidar(Sensor):
-    """Lidar that measures position in its frame: x forward, y to the left, m."""
+    """Lidar that measures the position in its own frame: x forward, y to the left, m."""
 
     position_sigma_m: float = Field(
         ge=1e-6, le=1e4, description="Standard deviation of the position along each axis of the sensor's frame, m."
@@ -24,13 +24,13 @@ class Lidar(Sensor):
     sigma_options: ClassVar[tuple[str, ...]] = ("position_sigma_m", "position_sigma_m")
 
     def uniform(self, shares: Array) -> Array:
-        """Return measurements uniform in x and y over the sector in view."""
+        """Return measurements uniformly distributed in x and y over the sector in the field of view."""
         assert self.max_range_m is not None
         reach, azimuth = self.max_range_m * np.sqrt(shares[0]), (shares[1] - 0.5) * np.deg2rad(self.fov_deg)
         return np.stack([reach * np.cos(azimuth), reach * np.sin(azimuth)])
 
     def volume(self) -> float:
-        """Return the area of the sector in view, m^2."""
+        """Return the area of the sector in the field of view, m^2."""
         assert self.max_range_m is not None
         return float(0.5 * np.deg2rad(self.fov_deg) * self.max_range_m**2)
 

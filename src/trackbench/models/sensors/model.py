@@ -39,18 +39,19 @@ class SensorModel(Config, ABC):
     """
 
     components: ClassVar[tuple[str, ...]]
-    """Names of the measurement's components."""
+    """Names of the measurement's components, such as "range"."""
     angular: ClassVar[tuple[int, ...]] = ()
-    """Indices of the components that are angles."""
+    """Indices of the measurement's components that are angles."""
     units: ClassVar[tuple[str, ...]]
-    """Unit of each component: "m", "rad" or "m/s"."""
+    """Unit of each component of the measurement: "m", "rad" or "m/s"."""
     sigma_options: ClassVar[tuple[str, ...]]
-    """Option with the standard deviation of each component, which ends in a unit: "azimuth_sigma_deg"."""
+    """Name of the option, with a unit at its end, that states each component's standard deviation:
+    "azimuth_sigma_deg"."""
     pure: ClassVar[bool] = False
-    """Whether the equations depend on their arguments alone, so that the fused engine may compile them. A subclass must
-    state this anew."""
+    """Whether the results of the class methods depend on their arguments alone, so that the fused engine may compile
+    them. A subclass must state this anew."""
     unused: ClassVar[tuple[str, ...]] = ()
-    """Options that a preset may give and this class does not use."""
+    """Options that a preset may set although this class does not use them."""
 
     type: str = Field("", description="Type of the sensor.")
     preset: str | None = Field(
@@ -90,28 +91,28 @@ class SensorModel(Config, ABC):
     @classmethod
     @abstractmethod
     def kind(cls) -> str:
-        """Return the name by which a scenario asks for this class."""
+        """Return the name by which a scenario names this class of sensors."""
 
     @classmethod
     def why_unmeasured(cls, component: str) -> str:
-        """Say that the sensor does not measure a component, with the nearest one that it measures; else empty."""
+        """Return a sentence, with the nearest choice, if the sensor does not measure a component; else empty text."""
         if component in cls.components:
             return ""
         return f"a {cls.kind()} measures no {component!r}; {nearest_choices(component, cls.components)}"
 
     def sigmas(self) -> tuple[float, ...]:
-        """Return the standard deviations ``(m,)`` of a measurement's components, in SI units and radians."""
+        """Return the standard deviations ``(m,)`` of the noise on each component, in SI units and radians."""
         return tuple(in_si(name, getattr(self, name)) for name in self.sigma_options)
 
     def reaches(self, distance: Array, azimuth: Array) -> Mask:
-        """Return ``(...)`` whether points at distances, m, and azimuths, rad, are in the field of view."""
+        """Return a mask ``(...)`` of the points in the field of view, from their distances, m, and azimuths, rad."""
         inside = np.abs(azimuth) <= np.deg2rad(self.fov_deg) / 2
         if self.max_range_m is not None:
             inside &= distance <= self.max_range_m
         return np.asarray(inside)
 
     def uniform(self, shares: Array) -> Array:
-        """Return measurements ``(m, n)`` uniform in the field of view, from numbers ``(m, n)`` uniform in 0 to 1.
+        """Return measurements ``(m, n)`` uniform in the field of view, from ``shares`` ``(m, n)`` uniform from 0 to 1.
 
         A sensor class without this method has no uniform clutter.
         """
@@ -119,7 +120,7 @@ class SensorModel(Config, ABC):
 
     @classmethod
     def has_volume(cls) -> bool:
-        """Return whether the class defines ``uniform``, and so can have uniform clutter."""
+        """Return whether the class defines ``uniform``, and so can have false alarms uniform in the field of view."""
         return cls.uniform is not SensorModel.uniform
 
     def volume(self) -> float:
@@ -132,9 +133,9 @@ class SensorModel(Config, ABC):
 
     @classmethod
     def other_noise(cls, covariance: Array, sigmas: Mapping[str, float]) -> Array:
-        """Return the covariance ``(m, m)`` with some standard deviations replaced and unchanged correlations.
+        """Return the covariance ``(m, m)`` with standard deviations replaced by ``sigmas``, at unchanged correlations.
 
-        Standard deviations are keyed by option. The result is ``(m, m, ...)`` where a standard deviation is ``(...)``.
+        The keys of ``sigmas`` are options. The result is ``(m, m, ...)`` where a standard deviation is ``(...)``.
         """
         current = np.sqrt(np.diag(covariance))
         new = [in_si(name, sigmas[name]) if name in sigmas else current[i] for i, name in enumerate(cls.sigma_options)]
@@ -156,23 +157,23 @@ class SensorModel(Config, ABC):
     def position(cls, scan: Scan) -> Gaussian:
         """Return the position ``(2, ...)`` in the fixed frame that a measurement states, with its covariance.
 
-        NaN where the sensor measures no position.
+        The position is NaN for a sensor that measures none.
         """
 
     @classmethod
     def measures_position(cls) -> bool:
-        """Return whether one measurement states a position, so that a track can start from it."""
+        """Return whether a single measurement states a position, so that a track can start from it."""
         return True
 
     @classmethod
     def radial_velocity(cls, scan: Scan) -> Array:
-        """Return the velocity ``(2, ...)``, fixed frame, of a target that moves along the line of sight.
+        """Return the velocity ``(2, ...)`` in the fixed frame of a target that moves along the line of sight.
 
-        A first guess from one measurement; zero where the measurement has no information on the velocity.
+        This is a first guess from one measurement; zero for a sensor without information on the velocity.
         """
         return np.zeros((2, *scan.measurement.shape[1:]))
 
     @classmethod
     def measures_velocity(cls) -> bool:
-        """Return whether one measurement has information on the velocity."""
+        """Return whether a single measurement tells something of the target's velocity."""
         return cls.radial_velocity.__func__ is not SensorModel.radial_velocity.__func__  # type: ignore[attr-defined]

@@ -19,18 +19,18 @@ from trackbench.base.errors import nearest_choices
 
 @dataclass(frozen=True)
 class Preset:
-    """Published figures of one product."""
+    """Published figures of one sensor on the market."""
 
     name: str
     kind: str
     title: str
-    """Maker and product."""
+    """Maker and name of the sensor."""
     source: str
-    """Origin of the published figures."""
+    """Document with the published figures."""
     values: Mapping[str, Any]
-    """Defaults for the keys of the sensor's configuration."""
+    """Values that the preset sets for keys of the sensor's configuration."""
     assumed: Mapping[str, str]
-    """Reason for each value for which the maker gives no figure, by key."""
+    """Reason for each value for which the maker publishes no figure, by key."""
 
 
 @cache
@@ -62,7 +62,7 @@ WORDS = ("ideal", "typical")
 
 
 class Words:
-    """Mark of a list of effects that a word may replace; the sensor's class puts the list in its place."""
+    """Mark of a configuration field with a list of effects, which a word such as "typical" may replace."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(_require_word, handler(source))
@@ -85,7 +85,7 @@ def _entries() -> dict[str, list[dict[str, Any]]]:
 
 
 def typical(kind: str, components: Collection[str]) -> list[dict[str, Any]]:
-    """Return the typical effects of a built-in type of sensor on the components that it measures; else none."""
+    """Return the typical effects of a built-in sensor type on its measured components; none for other types."""
     every = [
         {key: _keep_measured_sizes(value, components) for key, value in entry["options"].items()}
         for entry in _entries().get(kind, [])

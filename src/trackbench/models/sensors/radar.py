@@ -24,7 +24,7 @@ MIN_RANGE = 1e-6
 
 
 class Polar(Sensor):
-    """Base of all radars: range m, azimuth rad from the boresight, and a third component, m/s."""
+    """Base of all radars, which measure range m, azimuth rad from the boresight, and a third component, m/s."""
 
     range_sigma_m: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range, m.")
     azimuth_sigma_deg: float = Field(ge=1e-7, le=90, description="Standard deviation of the azimuth, degrees.")
@@ -34,7 +34,7 @@ class Polar(Sensor):
 
     @classmethod
     def position(cls, scan: Scan) -> Gaussian:
-        """Convert polar to Cartesian without bias.
+        """Convert range and azimuth to a position x, y without bias.
 
         Source: Mo, Song, Zhou, Sun and Bar-Shalom (1998), "Unbiased converted measurements for tracking". The
         covariance is conditioned on the measurement and computed along and across the line of sight; along x and y,
@@ -82,7 +82,6 @@ class Radar(Polar):
 
     @classmethod
     def _measuring(cls, options: Any) -> builtins.type[Radar]:
-        """Return the subclass for the components that the options name; this class where there is none."""
         named = options.get("measures") if isinstance(options, dict) and cls is Radar else None
         components = tuple(name for name in Radar.components if isinstance(named, list) and name in named)
         return PARTIAL_RADARS.get(components, cls)
@@ -99,7 +98,7 @@ class Radar(Polar):
         yield from super().problems()
 
     def uniform(self, shares: Array) -> Array:
-        """Return measurements uniform in each component."""
+        """Return measurements uniformly distributed in each component within its limits."""
         (low, high), fov = self.clutter.range_rate_mps, np.deg2rad(self.fov_deg)
         assert self.max_range_m is not None
         share = dict(zip(self.components, shares, strict=True))
@@ -161,13 +160,12 @@ class Radar(Polar):
 
 
 def along_sight(scan: Scan) -> Array:
-    """Return the third component of a measurement as a vector ``(2, ...)`` along the line of sight, fixed frame."""
+    """Return a measurement's third component, a speed, as a vector ``(2, ...)`` in the fixed frame."""
     c, s = cos_sin(scan.measurement[1] + scan.sensor_pose[2])
     return linalg.vector([scan.measurement[2] * c, scan.measurement[2] * s])
 
 
 def _partial_radar(components: tuple[str, ...]) -> type[Radar]:
-    """Create the radar class of some components, under a name in this module where pickle finds it."""
     name = "".join(part.title().replace("_", "") for part in components) + "Radar"
     rows = [Radar.components.index(part) for part in components]
     unused = tuple(key for i, key in enumerate(Radar.sigma_options) if i not in rows)

@@ -1,1 +1,1 @@
-"""A comparison as a document."""
+"""Report of a comparison, as a document."""

@@ -59,7 +59,7 @@ def comparison_document(comparison: Comparison, reports: Mapping[str, str] | Non
 
     Args:
         comparison: the comparison.
-        reports: paths of the results' reports, relative to the document, by label of the result.
+        reports: path of each result's report, relative to the document, by the result's label; None for no links.
     """
     styles = tracker_styles(comparison.places or comparison.trackers)
     parts = [_group_text(group, styles, reports or {}) for group in comparison.groups]
@@ -94,13 +94,13 @@ def _over(comparison: Comparison) -> str:
 
 
 def _section(comparison: Comparison, part: _GroupText) -> Section:
-    """Return one of several parts, whose tables and figures are named after the metric that ranks."""
+    """Return the section of one ranking metric, whose tables and figures have the metric in their names."""
     title = f"By {NAMES[comparison.ranked_by]}{_over(comparison)}"
     return Section(title, with_name_prefix(part[1], comparison.ranked_by))
 
 
 def _notes(comparison: Comparison) -> Iterator[Block]:
-    """Yield a section with notes, and with the metrics that could not be compared."""
+    """Yield a section with notes and the metrics that could not be compared, if there are any."""
     notes = [*scenarios_without_truth(comparison), *(note for group in comparison.groups for note in group.notes)]
     missing = dict.fromkeys((item.metric, item.reason) for group in comparison.groups for item in group.not_compared)
     items = [Item(note) for note in notes]
@@ -110,7 +110,7 @@ def _notes(comparison: Comparison) -> Iterator[Block]:
 
 
 def scenarios_without_truth(comparison: Comparison) -> Iterator[str]:
-    """Yield a note on scenarios that are not compared because they have no truth."""
+    """Yield a note that names the scenarios without a truth, which are not compared."""
     if comparison.without_truth:
         yield f"{', '.join(comparison.without_truth)} not compared: no truth"
 
@@ -121,7 +121,7 @@ ENDINGS = (*DOCUMENT_ENDINGS, ".json")
 def batch_files(comparison: Comparison, folder: Path) -> Iterator[tuple[Path, bytes]]:
     """Yield paths and contents of the comparison as a page, as Markdown with figures, and as data.
 
-    Markdown and data have neither times nor links, so they are equal on every machine.
+    Markdown and data contain neither times nor links, so that they are equal on every machine.
     """
     yield from comparison_files(comparison, folder / "comparison.html")
     yield from comparison_files(comparison, folder / "comparison.json")
@@ -141,7 +141,7 @@ def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path,
 
 
 def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
-    """Return the paths of the results' existing reports, relative to a folder, by label of the result."""
+    """Return the path of each result's report, if it exists, relative to ``folder``, by the result's label."""
     scenarios = [scenario for group in comparison.groups for scenario in group.scenarios]
     pages = {}
     for label in {result.label for scenario in scenarios for result in scenario.results}:
@@ -152,7 +152,7 @@ def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
 
 
 def difference_blocks(comparison: Comparison, styles: Styles) -> Iterator[Block]:
-    """Yield the limits, the answer, the differences by metric, and the results."""
+    """Yield the blocks of a comparison: limits, answer, differences by metric, and compared results."""
     yield from answer_blocks(comparison)
     for metric, items in comparison.by_metric():
         yield Section(
@@ -193,7 +193,7 @@ def _pair(item: PairDifference) -> str:
 
 
 def reproduction_blocks(comparison: Comparison) -> Iterator[Block]:
-    """Yield the commands that repeat the compared runs, if they are known."""
+    """Yield the commands that reproduce the compared results, if the commands are known."""
     if comparison.commands:
         yield Section("Reproduce", (Code("\n".join(comparison.commands), "sh"),))
 
@@ -205,12 +205,12 @@ def _pairing(result: ComparedResult) -> str:
 
 
 def _tests(comparison: Comparison) -> int:
-    """Return the number of differences tested together; of several sets, identical results are not tested."""
+    """Return the number of differences tested together; between sets of results, identical ones are not tested."""
     return sum(len(comparison.sets) == 1 or not item.identical for item in comparison.differences)
 
 
 def _method(items: Sequence[PairDifference], tests: int) -> str:
-    """Return how the differences ``items`` of a metric are judged, where ``tests`` differences are tested together."""
+    """Return a sentence on how the differences ``items`` of a metric are judged, ``tests`` of them together."""
     ways = [
         f"paired over {parts}"
         for parts in sorted({_parts(item, item.paired_runs) for item in items if item.paired_runs})
@@ -223,7 +223,7 @@ def _method(items: Sequence[PairDifference], tests: int) -> str:
 
 
 def _parts(item: PairDifference, runs: int) -> str:
-    """Return the runs, scenes or stretches over which a difference is paired."""
+    """Return in words over which runs, scenes or stretches of time a difference is paired."""
     parts, stretches = parts_in_words(item.scenes_in_words, runs, item.scenes), item.stretches
     return f"{counted(stretches, 'stretch', 'stretches')} of time of {parts}" if stretches else parts
 
@@ -261,7 +261,7 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
 
 
 def _results(comparison: Comparison) -> Items:
-    """Return the compared results, each with its runs, its seed and whether it is paired."""
+    """Return a list of the compared results: runs, seed, and whether paired with the baseline."""
     items = [
         Item(
             f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",

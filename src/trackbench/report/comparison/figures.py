@@ -1,4 +1,4 @@
-"""The figure of differences in a comparison, and the ranked trackers."""
+"""Figure of the differences between trackers in a comparison, and its ranked trackers in groups."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _ROW = 24.0
 def difference_figure(
     metric: str, items: Sequence[PairDifference], labels: Sequence[str], styles: Styles, best: str
 ) -> Figure:
-    """Return a figure of differences with intervals, in the unit of the metric.
+    """Return a figure of the differences in a metric with their intervals, in the metric's unit.
 
-    A difference that is zero in every run is left out. An outlier, such as the baseline, is cut off and has its value
-    beside it.
+    A difference that is zero in every run is left out. An outlier, such as a baseline tracker, is cut off and labelled
+    with its value.
     """
     drawn = [
         (label, item.difference, item.ci95 or (item.difference,) * 2, styles[item.entrant.tracker])
@@ -70,7 +70,7 @@ def difference_figure(
 
 
 def competitors(comparison: Comparison) -> list[RankedTracker]:
-    """Return the ranked trackers that are no references, best first."""
+    """Return the ranked trackers that are not references, best first."""
     return [item for item in comparison.ranking if not item.reference]
 
 
@@ -80,7 +80,7 @@ def ranked_label(item: RankedTracker) -> str:
 
 
 def rank_groups(comparison: Comparison) -> list[list[RankedTracker]]:
-    """Return groups of trackers, best first; no two trackers of a group are shown to differ."""
+    """Return groups of trackers whose mean ranks are not shown to differ from each other, best group first."""
     shown = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
     names = [item.tracker for item in competitors(comparison)]
     groups = groups_of(names, lambda a, b: frozenset((a, b)) in shown)

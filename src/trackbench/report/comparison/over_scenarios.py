@@ -52,7 +52,7 @@ def _label(comparison: Comparison, entrant: Entrant) -> str:
 
 
 def _difference_cell(item: PairDifference | None) -> Cell:
-    """Return a difference with its interval, its verdict, and the number of scenes in which the tracker is better."""
+    """Return a cell with difference, interval, verdict, and in how many scenes the tracker is better."""
     if item is None:
         return Cell("")
     if item.identical:
@@ -74,15 +74,15 @@ def _cell(
 
 
 def change_decimals(percent: float, ci95: tuple[float, float] | None) -> int:
-    """Return the decimals of a change, %, up to the first digit of half its interval."""
+    """Return how many decimals show a change, %, up to the first digit of its interval's half width."""
     half = half_width(ci95)
     return min(2, decimals([half], 1)) if half else int(abs(percent) < 10)
 
 
 def who_is_ahead(comparison: Comparison) -> str:
-    """Return which tracker leads over the scenarios, and by how much, or by mean rank if no error is pooled.
+    """Return a sentence on the leading tracker and its lead in pooled error, or in mean rank if none is pooled.
 
-    No tracker is said to be ahead where the interval of the pooled difference includes none.
+    No tracker is said to be ahead where the interval of the pooled difference includes 0.
     """
     first, second = competitors(comparison)[:2]
     over = counted(len(comparison.scenarios), "scenario")
@@ -113,7 +113,7 @@ def who_is_ahead(comparison: Comparison) -> str:
 
 
 def _change_in_words(percent: float, ci95: tuple[float, float] | None) -> str:
-    """Return a change with its interval: "1.4 % larger (95 %: 0.5 to 2.3 %)"."""
+    """Return a change with its interval as text: "1.4 % larger (95 %: 0.5 to 2.3 %)"."""
     sign, word = (1, "larger") if percent > 0 else (-1, "smaller")
     places = change_decimals(percent, ci95)
     text = f"{rounded(sign * percent, places)} % {word}"

@@ -24,12 +24,12 @@ _APART = 0.06
 
 
 def is_over_time(comparison: Comparison) -> bool:
-    """Whether one scenario has enough results for a course over time."""
+    """Return whether the comparison is of one scenario with at least three results, to be drawn over time."""
     return len(comparison.sets) > 2 and len(comparison.scenarios) == 1
 
 
 def first_shown(items: Sequence[PairDifference]) -> list[PairDifference]:
-    """Return the first difference of each change that is shown, in the order of the sets.
+    """Return the first difference of each change from the baseline that is shown, in the order of the results.
 
     A change lasts until the tracker is equivalent to the baseline again; an undecided result does not end it.
     """
@@ -43,7 +43,7 @@ def first_shown(items: Sequence[PairDifference]) -> list[PairDifference]:
 
 
 def first_shown_in_words(comparison: Comparison, items: Sequence[PairDifference]) -> str:
-    """Return from which result on each change is shown, and what else changed in that result."""
+    """Return a sentence: from which result on each change is shown, and what else changed in that result."""
     sentences = []
     for item in first_shown(items):
         changes = "; ".join(comparison.origins[item.entrant.set].changes)
@@ -53,7 +53,7 @@ def first_shown_in_words(comparison: Comparison, items: Sequence[PairDifference]
 
 
 def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDifference], styles: Styles) -> Figure:
-    """Return a figure with each tracker's values and intervals over the results, and rings at changes first shown."""
+    """Return a figure of each tracker's values and intervals in the results; rings mark changes first shown."""
     names = [name for name in styles if name in {item.entrant.tracker for item in items}]
     path = metric.removesuffix(".mean")
     values = {(s.entrant.tracker, s.entrant.set): s.metrics[path] for s in comparison.scores if path in s.metrics}
@@ -96,7 +96,7 @@ def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDiffe
 
 
 def origin_blocks(comparison: Comparison) -> Iterator[Block]:
-    """Yield a section with the date and commit of each set, and everything else that changed since the previous set."""
+    """Yield a section with date and commit of each set of results, and what else changed since the previous one."""
     if comparison.origins:
         items = [Item(_origin(origin), label=set_letter(origin.set)) for origin in comparison.origins]
         yield Section("When they were made, and what else changed", (Items(tuple(items)),))

@@ -79,7 +79,7 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
 
 
 def _extent(comparison: Comparison) -> str:
-    """Return the numbers of trackers and scenarios, and which scenarios share their scenes."""
+    """Return in words how many trackers and scenarios there are, and which scenarios share scenes."""
     ranking, sets = competitors(comparison), comparison.sets_of_scenes
     text = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
     shared = [joined_names(names) for names in sets if len(names) > 1]
@@ -98,7 +98,7 @@ _GROUPS = (
 
 
 def _mean_ranks(comparison: Comparison, letters: list[str]) -> Table:
-    """Return mean rank, wins and losses of each tracker over all scenarios, best first."""
+    """Return a table of each tracker's mean rank, wins and losses over all scenarios, best first."""
     items = comparison.ranking
     ranks = ["" if item.reference else str(i) for i, item in enumerate(items, 1)]
     names = [Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker) for item in items]
@@ -124,7 +124,7 @@ def _mean_ranks(comparison: Comparison, letters: list[str]) -> Table:
 
 
 def _group_letters(comparison: Comparison) -> list[str]:
-    """Return letters; two trackers share one exactly if their mean ranks are not shown to differ."""
+    """Return the letters of each ranked tracker; two share a letter exactly if not shown to differ in mean rank."""
     competing, sets = competitors(comparison), comparison.sets_of_scenes
     if len(competing) < 2 or len(sets) < fewest_sets(len(competing)):
         return [""] * len(comparison.ranking)
@@ -169,7 +169,7 @@ def _ranked_cell(metric: str) -> _ToCell:
 
 
 def _ranked_note(table: Table) -> str:
-    """Return the meaning of the small print and of bold values in a table."""
+    """Return a note on what small print and bold values in the table mean."""
     details = [detail for row in table.rows for cell in row for detail in cell.details]
     halves, ends = any(detail.startswith("±") for detail in details), any(" to " in detail for detail in details)
     beside = " or ".join(["half of its 95 % interval"] * halves + ["its ends"] * ends)
@@ -186,7 +186,7 @@ def _nees_cell(score: EntrantScore, _: int) -> Cell:
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:
-    """Return description, runs, seed and met expectations of each scenario."""
+    """Return a table of each scenario's description, runs, seed and met expectations."""
     scenarios = comparison.scenarios
     results = [scenario.results[0] for scenario in scenarios]
     met = [f"{r.expectations_met} of {r.expectations} met" if r.expectations else "none stated" for r in results]

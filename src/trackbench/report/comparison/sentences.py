@@ -25,7 +25,7 @@ LISTED = 3
 
 
 def gate_items(comparison: Comparison) -> tuple[Item, ...]:
-    """Return a line for each limit that is not shown to be kept, broken limits first."""
+    """Return a list entry for each limit that is not shown to be kept, broken limits first."""
     place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
     return tuple(
         Item(
@@ -39,7 +39,7 @@ def gate_items(comparison: Comparison) -> tuple[Item, ...]:
 
 
 def answer_blocks(comparison: Comparison) -> Iterator[Block]:
-    """Yield whether the limits are kept, and for each metric which tracker is best or what has changed."""
+    """Yield the answer: whether limits are kept, and for each metric which tracker is best or what has changed."""
     if comparison.gates:
         yield Status(limits_in_words(comparison.outcomes), "good" if comparison.passed else "bad")
     if not_kept := gate_items(comparison):
@@ -66,9 +66,9 @@ def _failures(comparison: Comparison) -> str:
 
 
 def best_tracker(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
-    """Return the tracker, not a reference, with the best value of a metric in the only scenario of one set.
+    """Return the competing tracker with the best value of the metric of ``items``, differences in one scenario.
 
-    None if it is unknown whether small or large values are better.
+    Return None if it is unknown whether smaller or larger values are better.
     """
     sign = _better_sign(comparison, items)
     if sign is None:
@@ -80,7 +80,7 @@ def best_tracker(comparison: Comparison, items: Sequence[PairDifference]) -> str
 
 
 def _better_sign(comparison: Comparison, items: Sequence[PairDifference]) -> float | None:
-    """Return 1 if smaller values of a metric are better, -1 if larger ones are; None if that is unknown."""
+    """Return 1 if smaller values of the metric of ``items`` are better, -1 if larger; None if unknown."""
     shown = next((item for item in items if item.verdict in ("better", "worse")), None)
     if shown is None:
         return 1.0 if items[0].metric == comparison.ranked_by else None
@@ -88,12 +88,12 @@ def _better_sign(comparison: Comparison, items: Sequence[PairDifference]) -> flo
 
 
 def differences_from(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
-    """Return the other trackers' differences from the best, the smallest first."""
+    """Return the difference of each other tracker from the tracker ``best``, smallest magnitude first."""
     return sorted(differences_to(best, items), key=lambda item: abs(item.difference))
 
 
 def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) -> str:
-    """Return which tracker is best, which competitor follows by how much, and which are shown to be worse."""
+    """Return a sentence: the best tracker, how far the next competitor is behind, and which are shown to be worse."""
     differences, names = differences_from(best, items), [item.tracker for item in competitors(comparison)]
     behind = [item for item in differences if item.entrant.tracker in names] or differences
     following = behind[0]
@@ -111,7 +111,7 @@ def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) ->
 
 
 def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
-    """Return which trackers have become worse, better or neither, the largest changes first."""
+    """Return a sentence: which trackers are worse, better or neither against the baseline, largest changes first."""
     parts = []
     for verdict in sorted(VERDICTS, key=["worse", "better", "larger", "smaller", UNDECIDED, EQUIVALENT].index):
         changes = [item for item in items if item.verdict == verdict]
@@ -127,12 +127,12 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
 
 
 def number_left_out(items: Sequence[object]) -> str:
-    """Return how many items a sentence leaves out, as " and 2 more"; empty without any."""
+    """Return how many items a list in a sentence leaves out, as " and 2 more"; empty if it has all."""
     return f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
 
 
 def _changed(subject: str, items: Sequence[PairDifference], item: PairDifference) -> str:
-    """Return a difference with its subject, as "ekf_cv +0.0152 ±0.0068 m (+16 %)"."""
+    """Return ``item`` as "ekf_cv +0.0152 ±0.0068 m (+16 %)", with the decimals that all ``items`` share."""
     digits, half = difference_decimals(items), half_width(item.ci95)
     width = "" if half is None else f" ±{short(half, digits)}"
     sign = "+" if item.difference > 0 else ""
@@ -141,12 +141,12 @@ def _changed(subject: str, items: Sequence[PairDifference], item: PairDifference
 
 
 def unit_after(unit: str) -> str:
-    """Return a unit in the form that follows a value: " m"."""
+    """Return a unit as it follows a value, " m"; empty for a quantity without unit."""
     return "" if unit == "1" else f" {unit}"
 
 
 def difference_decimals(items: Sequence[PairDifference]) -> int:
-    """Return the decimals that show the values to three digits and the smallest uncertainty to one."""
+    """Return how many decimals show all values to three digits and the smallest uncertainty to one."""
     widths = [half for item in items if not item.identical and (half := half_width(item.ci95)) is not None]
     return max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
 
@@ -159,13 +159,13 @@ def in_percent(value: float | None) -> str:
 
 
 def difference_subject(comparison: Comparison, item: PairDifference) -> str:
-    """Return the tracker of a difference, with the scenario if there are several."""
+    """Return the tracker's name of a difference; if there are several scenarios, with the scenario's name."""
     place = f" in {item.scenario}" if len(comparison.scenarios) > 1 else ""
     return f"{entrant_name(comparison, item.entrant)}{place}"
 
 
 def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:
-    """Return the shortest name of an entrant that distinguishes it from the others, or from ``other`` alone."""
+    """Return the shortest name (tracker, letter of the result) that tells an entrant from all others or ``other``."""
     if len(comparison.sets) == 1:
         return entrant.tracker
     if other is not None and entrant.tracker == other.tracker:
@@ -174,12 +174,12 @@ def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None
 
 
 def set_letter(number: int) -> str:
-    """Return the letter of a set of results, from A; from the 27th set on its number."""
+    """Return the letter of the set of results with an index: 0 is A; from the 27th set on, its ordinal number."""
     return chr(ord("A") + number) if number < 26 else str(number + 1)
 
 
 def lead_certainty(comparison: Comparison) -> str:
-    """Return whether the lead of the first tracker in the ranking is shown for other scenarios."""
+    """Return a sentence: whether the first tracker's lead in the ranking is shown to hold beyond these scenarios."""
     ranking = competitors(comparison)
     wanted = fewest_sets(len(ranking))
     if len(comparison.sets_of_scenes) < wanted:
@@ -195,7 +195,7 @@ _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "war
 
 
 def world_tables(comparison: Comparison) -> Iterator[Table]:
-    """Yield, for each scenario in several worlds, the pairs of trackers with the better one in each world."""
+    """Yield a table for each scenario run in several worlds: for each pair of trackers, the better in each world."""
     meanings = {str(world): meaning for world, meaning in MEANING.items()}
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]

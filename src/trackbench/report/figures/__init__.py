@@ -1,1 +1,1 @@
-"""Figures of a run's report, drawn when a renderer needs them."""
+"""Figures of a run's report: the map of a scene, and errors over time."""

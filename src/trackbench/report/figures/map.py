@@ -40,11 +40,11 @@ _LEGEND = {
 
 
 def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
-    """Return a map of the true paths, in a panel for each tracker shown at first with its estimates and events.
+    """Return a map with a panel for each tracker in ``scene.shown``: true paths, its estimates and events.
 
     Args:
         scene: scene that is drawn, and that an HTML page plays.
-        caption: text after the meaning of the lines.
+        caption: text of the caption, which follows the explanation of the lines.
         name: name of the figure's file.
     """
     shown = [tracker for tracker in scene.trackers if tracker.name in scene.shown]

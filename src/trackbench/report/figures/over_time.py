@@ -21,11 +21,11 @@ _POINTS = 100
 
 
 class Line(NamedTuple):
-    """Line of one tracker."""
+    """Values of one tracker over time, drawn as a line."""
 
     style: TrackerStyle
     time: Array
-    """Time, s."""
+    """Time of each value, s."""
     value: Array
 
 
@@ -34,13 +34,13 @@ Steps = Mapping[tuple[str, ...], Columns]
 
 
 def tracker_lines(steps: Steps, styles: Sequence[TrackerStyle], column: str) -> list[Line]:
-    """Return a column of the table "steps" as a line for each tracker that has values in it."""
+    """Return a line for each tracker with values in ``column`` of the table "steps"."""
     tables = ((style, steps.get((style.name,), {})) for style in styles)
     return [Line(s, rows["time_s"], rows[column]) for s, rows in tables if np.isfinite(rows.get(column, np.nan)).any()]
 
 
 def smoothed_lines(steps: Steps, styles: Sequence[TrackerStyle], column: str) -> list[Line]:
-    """Return a column as lines of root mean squares over equal stretches of time."""
+    """Return a line for each tracker: RMS of ``column`` over equal stretches of time."""
     lines = tracker_lines(steps, styles, column)
     return [Line(line.style, *_rms_over_stretches(line.time, line.value)) for line in lines]
 
@@ -56,19 +56,19 @@ def _rms_over_stretches(time: Array, value: Array) -> tuple[Array, Array]:
 
 
 class Panel(NamedTuple):
-    """Quantity over time, with its reference or bounds."""
+    """Panel of a figure: a quantity over time, with its reference or bounds."""
 
     label: str
     unit: str
     column: str
     reference: str = ""
-    """Column of the reference, drawn dashed; empty without one."""
+    """Column of the reference, which is drawn dashed; empty for no reference."""
     band: tuple[str, ...] = ()
     """Columns of the bounds for a consistent tracker; a quantity with bounds is not averaged over time."""
 
     @property
     def axis_label(self) -> str:
-        """Quantity with its unit."""
+        """Label of the y axis: quantity and unit."""
         return f"{self.label}, {self.unit}" if self.unit else self.label
 
 
@@ -88,7 +88,7 @@ _MARGIN, _PANEL = 40.0, 120.0
 
 
 def errors_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """Return RMSE of position and velocity with the reference, and NEES with its bounds; None without values."""
+    """Return a figure of position and velocity RMSE with reference, and NEES with bounds; None without values."""
     reference = result.summary.held_against
     caption = (
         f"Over all runs and objects. Dashed: the {reference.label}. {reference.meaning} NEES: squared error over the "
@@ -99,7 +99,7 @@ def errors_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure |
 
 
 def gospa_over_time(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """Return GOSPA and its parts over time; None without values."""
+    """Return a figure of GOSPA and its parts over time; None if there are no values."""
     caption = (
         "Root mean square over all runs. The squares of the parts add up to that of GOSPA: localisation is the "
         "distance of tracks from their objects, missed what objects without a track cost, false what tracks without "
@@ -117,7 +117,7 @@ def _panels(
     panels: Sequence[Panel],
     label: str = "",
 ) -> Figure | None:
-    """Return a panel for each quantity, one below the other; an outlying tracker is cut off."""
+    """Return a figure with the panels that have values, one below the other; None if no panel has any."""
     steps = split(result.tables.steps, "tracker")
     lines = {panel: (tracker_lines if panel.band else smoothed_lines)(steps, styles, panel.column) for panel in panels}
     drawn = {panel: of_panel for panel, of_panel in lines.items() if of_panel}
@@ -169,7 +169,7 @@ def _panels(
 
 
 def _distinct(drawn: Sequence[Line]) -> list[Line]:
-    """Return the lines without repetitions: trackers that use the same sensors have equal references."""
+    """Return each distinct line once, since trackers with the same sensors have equal references."""
     unique: list[Line] = []
     for line in drawn:
         comparable = (other.value for other in unique if other.value.shape == line.value.shape)

@@ -34,13 +34,13 @@ from trackbench.testing.rules import Identities, gives_reports
 
 
 def hint_at_identities(target: str, options: Mapping[str, Any], isolation: Isolation, *, hidden: bool) -> str:
-    """Return a hint if a class that failed takes scans with the other kind of identities; else an empty text.
+    """Return a hint to choose the other ``identities`` if the class gives estimates with them; else an empty text.
 
     Args:
         target: ``module:Class`` or a published name.
         options: arguments of the class.
         isolation: whether the class gets a process of its own.
-        hidden: whether it was examined as a tracker of several objects.
+        hidden: whether the class was examined as a tracker of several objects.
     """
 
     def answers_of_one_object() -> Iterator[bool]:
@@ -60,9 +60,9 @@ def hint_at_identities(target: str, options: Mapping[str, Any], isolation: Isola
 def _examine_in_own_process(
     tracker: str, request: Mapping[str, Any], isolation: Isolation, progress: Progress
 ) -> Examination | None:
-    """Examine a tracker within its own process; return None where it gets none, or that process ends.
+    """Examine a tracker within a process of its own; return None if it gets no such process, or if the process dies.
 
-    A tracker whose process ends is then examined from this process, which finds the step at which it ends.
+    The caller then examines the tracker from this process, which finds the step that ends the tracker's process.
     """
     if not gets_own_process(tracker, isolation):
         return None
@@ -85,7 +85,7 @@ def examine_here(tracker: str, progress: Progress, **request: Any) -> Examinatio
 
     Args:
         tracker: ``module:Class`` or a published name.
-        progress: called with the number of steps done, and about the number of all.
+        progress: called with the number of steps done and the estimated number of all steps.
         **request: further arguments of :func:`doctor`.
     """
     try:
@@ -126,13 +126,13 @@ def doctor(
             radar and a lidar that stand still and move.
         identities: ``hidden`` for a class that follows several objects.
         static_sensors: whether no sensor moves; then nothing is tried with moving sensors.
-        no_misses: whether every scan has a detection; then the tracker is given no other scans.
+        no_misses: whether every scan has a detection; then the tracker is given no scan without one.
         skip: checks to leave out, by name or by name and sensor: ``gain``, ``gain.radar``.
         in_process: whether a tracker that is not built in runs in this process, for a debugger.
         tracker_timeout: longest time that a tracker that is not built in may take to answer a scan, s.
-        tracker_memory: most memory that such a tracker may take, GB; by default a quarter of what there is.
+        tracker_memory: most memory of a tracker that is not built in, GB; by default a quarter of what there is.
         out: folder for the findings, the report and the replay; nothing is written by default.
-        progress: called with the number of steps done and about the number of all.
+        progress: called with the number of steps done and the estimated number of all steps.
 
     Raises:
         InputError: there is no such scenario, tracker, module or check, or it does not take the options.

@@ -28,7 +28,7 @@ class Assumptions:
     rest_reason: str = ""
     """Reason why no observer moves; empty where one does."""
     late: Mapping[str, float] = field(default_factory=dict)
-    """Latency of each sensor whose scans come late, s."""
+    """Longest latency, s, by sensor, of the sensors whose scans come late."""
 
     def left_out(self, check: DoctorCheck[Any], sensors: Sequence[str], reason: str | None = None) -> list[CheckResult]:
         """Return the questions of a check that are not asked, with the reason.
@@ -36,7 +36,7 @@ class Assumptions:
         Args:
             check: record of the check.
             sensors: names of the sensors.
-            reason: reason for which none of its questions is asked.
+            reason: reason for which none of its questions is asked; None for no such reason.
         """
         results = []
         for question in check.questions:
@@ -51,7 +51,7 @@ class Assumptions:
         return results
 
     def apply(self, result: PartResult, left_out: Sequence[CheckResult], check: DoctorCheck[Any]) -> PartResult:
-        """Return the result of a check with the questions that are not asked in place of their answers and findings."""
+        """Return a check's result with the left-out questions in place of their answers, and without their findings."""
         names = {check_result.name for check_result in left_out}
         made = [check_result for check_result in result.checks if check_result.name not in names]
         findings = [find for find in result.findings if not self._answers_excluded_question(find, check)]

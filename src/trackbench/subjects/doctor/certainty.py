@@ -37,7 +37,7 @@ MEANING = {
 
 
 class Certainty(NamedTuple):
-    """Certainty of the name of a fault, and the failed checks that the fault explains."""
+    """How sure it is that a fault is the named one, and the failed checks that it explains."""
 
     word: Word
     explained: int
@@ -47,7 +47,6 @@ class Certainty(NamedTuple):
 
     @property
     def failed(self) -> int:
-        """Number of failed checks."""
         return self.explained + len(self.besides)
 
     def __str__(self) -> str:
@@ -59,7 +58,7 @@ class Certainty(NamedTuple):
 
 
 def certainty(findings: Sequence[Finding], checks: Sequence[CheckResult], cause: Finding | None) -> Certainty:
-    """Return how sure the name of a root cause is.
+    """Return how sure it is that a root cause is the named fault.
 
     ``shown``: an exact finding (no other fault looks like it) that explains all failed checks. ``likely``: a finding
     with evidence beside the errors of drives that explains at least half of them. ``unclear``: any other.

@@ -22,11 +22,11 @@ NOT_COPIED = "it cannot be copied"
 
 
 class CannotCopy(TrackbenchError):
-    """Error of a tracker that ``copy.deepcopy`` cannot copy, and that does not repeat its answers."""
+    """Error of a tracker that ``copy.deepcopy`` cannot copy, and whose answers differ when scans are repeated."""
 
 
 class CopyableTracker:
-    """A tracker with its state and its copies; its answers have the right shapes and are not checked further.
+    """A tracker with its state, which can be copied; only the shapes of its answers are checked.
 
     A copy is made by ``copy.deepcopy``. That fails with an open file, a module, a lock or a generator, and shares the
     state of C code behind a handle. The copy is then a fresh tracker that is given the same scans again.
@@ -90,7 +90,7 @@ class CopyableTracker:
         return twin
 
     def _require_own_state(self) -> None:
-        """Repeat this tracker if two copies give different estimates: one of them may have moved this one too.
+        """Replace the tracker by a repetition if two copies of it differ: they may share, and have changed, its state.
 
         Only a tracker that draws no random numbers can be repeated.
         """

@@ -22,7 +22,7 @@ _DIFFERENT = 3.0
 
 
 def evidence_figures(run: EvidenceRun) -> Iterator[Figure]:
-    """Yield the figures of innovations of the sensors that findings name, or of all sensors."""
+    """Yield a figure of innovations for each sensor that the run's findings name, or for all if they name none."""
     named = {finding.sensor for finding in run.findings}
     relevant = [innovations for innovations in run.innovations if innovations.sensor in named] or run.innovations
     for innovations in relevant:

@@ -29,18 +29,18 @@ TRUTH_RATE = 100
 
 
 class DriveConfig(Config):
-    """An entry of drives.yaml."""
+    """Truth and sensing of one test drive, as an entry of drives.yaml."""
 
     description: str
     truth: ScriptedTruth
     runs: int = Field(4, ge=1)
     rates_hz: list[Positive] | None = None
-    """Rates in place of the sensors' own, one sensor after the other."""
+    """Rates of the sensors, in their order and repeated if there are more sensors; None for each sensor's own rate."""
     detection_probability: Probability = 1
     silent_s: list[NonNegative] | None = None
-    """Start and end of an interval without measurements."""
+    """Start and end of an interval without measurements, s; None if measurements never stop."""
     mismatch: float = Field(1.0, ge=1.0)
-    """Factor by which the NEES may be larger than elsewhere: sound motion models may lack the drive's manoeuvre."""
+    """Factor by which the limit of the NEES is raised: sound motion models may not describe the drive's manoeuvre."""
 
     @property
     def carrier(self) -> Carrier:
@@ -51,7 +51,7 @@ class DriveConfig(Config):
 
 @cache
 def drive_configs() -> Mapping[Name, DriveConfig]:
-    """Return the entries of drives.yaml, by name."""
+    """Return the settings of all test drives, the entries of drives.yaml, by name."""
     text = files("trackbench.subjects.doctor").joinpath("drives.yaml").read_text(encoding="utf-8")
     scripted = {"source": "scripted", "rate_hz": TRUTH_RATE}
     return {
@@ -61,7 +61,7 @@ def drive_configs() -> Mapping[Name, DriveConfig]:
 
 
 class Setting(NamedTuple):
-    """Differences of an examination's drives from drives.yaml."""
+    """Changes that an examination makes to the drives of drives.yaml."""
 
     site: SensorSite = SensorSite()
     standing: bool = False
@@ -76,25 +76,25 @@ AS_WRITTEN = Setting()
 
 
 class TestDrive(NamedTuple):
-    """Truth and scans of a drive."""
+    """A simulated test drive: the true target, and the scans of all sensors."""
 
     name: str
     config: DriveConfig
     scans: list[Scan]
-    """Scans with the batch axis ``(runs,)``."""
+    """Scans of all sensors in order, with the batch axis ``(runs,)``."""
     time: Array
     """Times of the scans ``(scans,)``, s."""
     target: Array
-    """px, py, vx, vy of the target at each scan ``(4, scans, runs or 1)``."""
+    """True px, py, vx, vy of the target at each scan ``(4, scans, runs or 1)``."""
 
 
 def simulate_drives(sensors: Mapping[str, Sensor], seed: int, setting: Setting = AS_WRITTEN) -> list[TestDrive]:
-    """Return every drive as the sensors measure it.
+    """Simulate every test drive with the measurements of the sensors.
 
     Args:
         sensors: sensors by name.
         seed: seed of the noise.
-        setting: sites of the sensors, and what is assumed of them.
+        setting: changes to the drives of drives.yaml.
     """
     return [
         _simulate(name, config, sensors, seed, setting)
@@ -123,7 +123,7 @@ def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed
 
 
 def _placed(drive: DriveConfig, site: SensorSite) -> ScriptedTruth:
-    """Return the truth with the observer of a site, and its target at the same place relative to the sensor."""
+    """Return the truth with the observer of a site; the target keeps place and velocity relative to the sensor."""
     original, carrier, truth = drive.carrier, site.carrier(drive.carrier), drive.truth
     if carrier == original and not any(site.mount):
         return truth
@@ -149,11 +149,11 @@ class Rollout(NamedTuple):
     """Estimates of a tracker after each scan of a drive, NaN where there is none."""
 
     mean: Array
-    """``(4, scans, runs)``"""
+    """Estimated px, py, vx, vy ``(4, scans, runs)``."""
     covariance: Array
-    """``(4, 4, scans, runs)``"""
+    """Covariances of the estimates ``(4, 4, scans, runs)``."""
     has_estimate: Mask
-    """``(scans, runs)``: whether the tracker returned an estimate."""
+    """Whether the tracker returned an estimate ``(scans, runs)``."""
 
 
 def rollout(

@@ -29,7 +29,7 @@ REPEATED = 300
 
 @dataclass(frozen=True, eq=False)
 class SensorInnovations:
-    """Innovations of one sensor in a run: the ones that the tracker applied, and the right ones."""
+    """Innovations of one sensor in a run: as the tracker applied them, and as they should be."""
 
     sensor: str
     kind: str
@@ -53,7 +53,7 @@ class EvidenceRun:
     findings: list[Finding]
     """Findings that the run shows, the most likely root cause first."""
     scans: list[Scan]
-    """Scans without batch axes."""
+    """Scans of the run, without batch axes."""
     time: Array
     """Times of the scans ``(scans,)``, s."""
     target: Array
@@ -63,9 +63,9 @@ class EvidenceRun:
     covariance: Array
     """Covariances of the tracker ``(4, 4, scans)``."""
     reference_mean: Array
-    """``(4, scans)``"""
+    """Estimates of the reference tracker ``(4, scans)``, NaN where there is none."""
     reference_covariance: Array
-    """``(4, 4, scans)``"""
+    """Covariances of the reference tracker ``(4, 4, scans)``."""
     innovations: list[SensorInnovations]
 
 
@@ -143,7 +143,7 @@ def evidence_run(
 
 
 def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> tuple[float, Array, Array] | None:
-    """Return time, ``applied`` and ``expected`` of one measurement, as in `SensorInnovations`."""
+    """Return the time of a measurement, s, its applied and its right innovation ``(m,)``; None without a prediction."""
     prediction = session.predict(scan)
     if prediction is None:
         return None

@@ -50,7 +50,7 @@ class StepCount:
 
     Args:
         progress: called with the number of steps done and of all steps.
-        expected: about the number of all steps.
+        expected: estimated number of all steps.
     """
 
     def __init__(self, progress: Progress, expected: int) -> None:
@@ -66,7 +66,7 @@ class StepCount:
             self._progress(self._done, max(self._expected, self._done))
 
     def set_remaining(self, steps: int) -> None:
-        """Correct the number of all steps by the number of remaining ones."""
+        """Correct the estimated number of all steps: ``steps`` remain."""
         self._expected = self._done + steps
         self._progress(self._done, self._expected)
 
@@ -77,12 +77,12 @@ def count_drive_steps(drives: Sequence[TestDrive], *, batched: bool) -> int:
 
 
 def count_evidence_steps(drives: Sequence[TestDrive]) -> int:
-    """Return the number of steps in one run of each drive, with the steps from which innovations are computed."""
+    """Return the number of steps in one run of each drive, with the steps of copies that give the innovations."""
     return sum(3 + 2 * len(scan.measurement) for drive in drives for scan in drive.scans)
 
 
 def reference_tracker(engine: Engine = "numpy") -> Tracker:
-    """Return the tracker that others are compared with: an extended Kalman filter with constant velocity."""
+    """Return the reference tracker: an extended Kalman filter with constant velocity."""
     # Without the part that handles late scans: no scan of a drive is late.
     tracker: Tracker = replace(ekf(motion="cv", acceleration_sigma_mps2=3.0).tracker, engine=engine)
     return tracker
@@ -95,7 +95,7 @@ class Doctor:
         sensors: sensors by name. Their kinds, noise, rates, mountings and latencies are used. In an examination they
             see all around and miss nothing, and no scan of a drive is late.
         seed: seed of the noise and of the variation of the probes; None for unvaried probes and noise of seed 0.
-        observer: carrier of the sensors; None for one at rest at the origin, and moving ones of the probes' own.
+        observer: carrier of the sensors; None for the probes' own observers, at rest at the origin and moving.
         static_sensors: whether no sensor moves, whatever the observer does.
         no_misses: whether every scan has a detection.
         skip: checks that are not made, by name or by name and sensor: "gain", "gain.radar".
@@ -134,7 +134,7 @@ class Doctor:
 
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
-        """Test drives, each with the estimates of the reference."""
+        """Test drives, each with the estimates of the reference tracker."""
         drives = simulate_drives(self.sensors, self._seed, self._setting)
         make = partial(reference_tracker, choose_engine("auto", count_drive_steps(drives, batched=False)))
         skip = self._assumptions.skip
@@ -148,7 +148,7 @@ class Doctor:
         Args:
             name: name of the tracker in the results.
             make: makes a fresh tracker.
-            progress: called several times a second with the number of steps done, and about the number of all.
+            progress: called several times a second with the number of steps done and the estimated number of all steps.
 
         Raises:
             CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any scan.
@@ -224,7 +224,7 @@ class Doctor:
         return not (unmade or tracker.memoryless) and tracker.once(stated_covariance_fault) is not None
 
     def _unmade(self, check: DoctorCheck[Any], reason: str | None = None) -> list[CheckResult]:
-        """Return the questions of a check that the user's assumptions exclude; with a reason, all its questions."""
+        """Return results for the questions that the user's assumptions exclude; with a reason, for all questions."""
         if len(self.sensors) < check.least_sensors:
             return []
         return self._assumptions.left_out(check, list(self.sensors), reason)
@@ -238,7 +238,7 @@ class Doctor:
         Args:
             examination: findings and checks.
             make: makes a fresh tracker.
-            progress: called several times a second with the number of steps done, and about the number of all.
+            progress: called several times a second with the number of steps done and the estimated number of all steps.
         """
         shown = shown_drives(examination.findings, examination.checks, [drive for drive, _ in self._drives])
         drives = {drive.name: (drive, reference) for drive, reference in self._drives}

@@ -13,22 +13,22 @@ from trackbench.subjects.doctor.trial import Trial
 
 
 def linearised_gain(trial: Trial, used: Mask | None = None) -> Array:
-    """Return the gain ``(4, m)`` of an EKF; it is zero in the components that are not ``used`` ``(m,)``."""
+    """Return the gain ``(4, m)`` of an EKF; its columns are zero for components that are not ``used`` ``(m,)``."""
     p = linalg.symmetrise(trial.prediction.covariance)
     cross = p @ trial.jacobian.T
     return _gain(cross, trial.jacobian @ cross + trial.scan.noise_covariance, used)
 
 
 def gaussian_gain(trial: Trial, used: Mask | None = None) -> Array:
-    """Return the gain ``(4, m)`` with the moments of the Gaussian prediction, which sigma points approximate."""
+    """Return the gain ``(4, m)`` by the exact moments of a Gaussian prediction, which sigma points approximate."""
     cross, covariance = trial.gaussian_moments
     return _gain(cross, covariance + trial.scan.noise_covariance, used)
 
 
 def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[float, Array]:
-    """Return the relative error of a gain ``(4, m)``, and the right gain: the linearised or the Gaussian one.
+    """Return the relative error of the gain ``applied`` ``(4, m)``, and the right gain that is nearest to it.
 
-    The nearer one is taken. Gains are scaled by the standard deviations of prediction and measurement.
+    The gain of an EKF and the Gaussian one are right. Gains are scaled by the sigmas of prediction and measurement.
     """
     return min(
         (
@@ -63,42 +63,45 @@ ACROSS = 20.0
 
 
 class ImpliedModel(NamedTuple):
-    """Measurement model and noise that one update implies, for each component of the measurement."""
+    """Jacobian and measurement noise that one update of the tracker implies, compared with the right ones."""
 
     trial: Trial
     used: Mask
     noise: Array
-    """Implied divided by stated variance ``(m,)``; NaN where the implied row points away from the right one."""
+    """Implied noise variance over the stated one ``(m,)``; NaN where the implied row points away from the right one."""
     direction_difference: Array
-    """Difference ``(m, 4)`` between the unit vectors along the implied and the right row of the Jacobian."""
+    """Unit vector along each row of the implied Jacobian, minus the one along the right row ``(m, 4)``."""
     size: Array
     """Length ``(m,)`` of the implied row along the right one, divided by the right length."""
     jacobian: Array
-    """Implied Jacobian ``(m, 4)``."""
+    """Jacobian ``(m, 4)`` of the measurement by the state that the update implies."""
     own_noise: Array
-    """Variances ``(m,)``, relative to the stated ones, with which the implied Jacobian gives the gain."""
+    """Noise variances ``(m,)`` over the stated ones with which the implied Jacobian gives the tracker's gain."""
     noise_correlation: float = 0.0
     """Largest correlation of the noise with which the implied Jacobian gives the gain; the stated noise has none."""
 
     @property
     def direction(self) -> Array:
-        """Length ``(m,)`` of ``direction_difference``."""
+        """Error ``(m,)`` of each implied row's direction: 0 for the right direction, 2 for the opposite one."""
         return np.asarray(np.linalg.norm(self.direction_difference, axis=1))
 
 
 class SamplingErrors(NamedTuple):
-    """Standard errors of implied models, each averaged over two with different samples; zeros without samples."""
+    """Standard errors of implied models by the tracker's random samples; zeros for a tracker without samples."""
 
     direction: Array
-    """Standard error ``(m,)`` of the direction."""
+    """Standard error ``(m,)`` of each row's ``direction``."""
     size: Array
-    """Standard error ``(m,)`` of the logarithm of the size."""
+    """Standard error ``(m,)`` of the logarithm of each row's ``size``."""
     noise: Array
     """Standard error ``(m,)`` of the logarithm of the median noise over the trials."""
 
 
 def implied_model(trial: Trial) -> ImpliedModel | None:
-    """Return the model that an update with the predicted measurement implies; None if no Kalman filter makes it."""
+    """Return Jacobian and noise of the Kalman filter that makes the tracker's update; None if there is no such filter.
+
+    The update is that with the predicted measurement. Its gain and covariance determine both.
+    """
     update = trial.update(trial.predicted_measurement)
     if update is None or update.information is None or not update.used.any():
         return None
@@ -141,9 +144,9 @@ def _to_correlations(matrix: Array) -> Array:
 
 
 def variance_of_ray(components: Sequence[str], sigma: Array) -> Array:
-    """Return the variances ``(m,)``, relative to the stated ones, for a filter that takes the measured line of sight.
+    """Return noise variances ``(m,)``, over the stated ones, of a filter that projects velocities on the measured ray.
 
-    An error of the measured azimuth turns that line, so that velocity across it changes the range rate.
+    An azimuth error turns the ray: the range rate then has a part of a target's velocity across it (20 m/s here).
     """
     factors = np.ones(len(sigma))
     if {"azimuth", "range_rate"} <= set(components):
@@ -155,7 +158,7 @@ def variance_of_ray(components: Sequence[str], sigma: Array) -> Array:
 def average(
     rows: Sequence[ImpliedModel | None], replicas: Sequence[ImpliedModel | None]
 ) -> tuple[list[ImpliedModel], SamplingErrors]:
-    """Return the means of pairs of implied models with different samples, and their standard errors."""
+    """Average each implied model with its replica by other random samples; return the means and standard errors."""
     pairs = [(a, b) for a, b in zip(rows, replicas, strict=False) if a is not None and b is not None]
     means = [
         ImpliedModel(

@@ -30,14 +30,14 @@ KINDS = {
 
 
 class Role(NamedTuple):
-    """Place of a fault in a diagnosis."""
+    """How a fault is found, and its order among the possible causes of other findings."""
 
     kinds: str = ""
-    """Names of ``KINDS``, separated by blanks."""
+    """Kinds of the fault, separated by blanks: ``exact``, ``motion``, ``driven``, ``ego``."""
     rank: int = 100
     """Order among possible causes; a lower rank is tried first."""
     drive: str | None = None
-    """Name of the test drive in which the fault is visible."""
+    """Name of the test drive in which the fault is visible; None where the finding names one, or none does."""
 
 
 class KnownFault(NamedTuple):
@@ -45,7 +45,7 @@ class KnownFault(NamedTuple):
 
     title: str
     where: str
-    """Where in the tracker's code to look."""
+    """Sentence that says where in the tracker's code to look."""
     fix: str
     role: Role = Role()
 
@@ -70,7 +70,7 @@ class Question(NamedTuple):
     late: bool = False
     """Whether the question is asked only for sensors whose scans come late."""
     finds: tuple[str, ...] = ()
-    """Faults that only this question finds, where its check has several questions."""
+    """Names of the faults that only this question finds, where its check has several questions."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class DoctorCheck(Generic[P]):
         return self.make.__name__
 
     def with_questions(self, checks: Iterable[CheckResult]) -> list[CheckResult]:
-        """Return the results of the check's function, each with the question that it answers."""
+        """Return results of this check, each with the text of the question that it answers."""
         full = {question.name: question.full or question.asks for question in self.questions}
         results = []
         for check in checks:
@@ -108,9 +108,9 @@ class DoctorCheck(Generic[P]):
         return results
 
     def with_faults(self, checks: Iterable[CheckResult], findings: Sequence[Finding]) -> list[CheckResult]:
-        """Return the results of the check's function with the faults of the failed ones.
+        """Return results of this check; a failed one that names no fault gets the faults of findings that concern it.
 
-        A failed result that names no fault gets those findings that belong to its question and its sensor.
+        A finding concerns a result if its sensor fits, and its fault belongs to the result's question or to none.
         """
         finds = {question.name: question.finds for question in self.questions}
         shared = {fault for faults in finds.values() for fault in faults}
@@ -161,7 +161,7 @@ def check_named(name: str) -> DoctorCheck[Any]:
 
 
 def faults_of(package: str) -> dict[str, KnownFault]:
-    """Return the faults that the checks of a package find, by name."""
+    """Return the faults that the checks in a package can find, by name."""
     return {name: fault for check in checks_of(package) for name, fault in check.faults.items()}
 
 
@@ -177,17 +177,17 @@ def questions() -> dict[str, Question]:
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault and the evidence for it."""
+    """A fault that a check found in the tracker, and the evidence for it."""
 
     fault: str
     confidence: float
-    """Confidence in the fault's name, 0 to 1, to order findings; see :mod:`.certainty` for its words."""
+    """Confidence that the tracker has this very fault, 0 to 1; a finding from 0.8 on can be the cause of others."""
     evidence: str
     """Sentence with the numbers that show the fault."""
     sensor: str | None = None
-    """The sensor whose measurements are processed wrongly, if it is one sensor."""
+    """Name of the sensor whose measurements are processed wrongly; None unless it is one sensor alone."""
     factor: float | None = None
-    """The tracker's value divided by the right one, if the fault is a wrong size; for noise, the ratio of variances."""
+    """Tracker's value divided by the right one (for noise: of variances); None where no value has a wrong size."""
     shown_by: str | None = None
     """Name of the probe or test drive that shows the fault best."""
     run: int = 0
@@ -259,12 +259,12 @@ def _explains(root: Finding, finding: Finding, kinds: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Result of one check."""
+    """Answer to one question of a check, for one sensor where each sensor is asked about."""
 
     name: str
     question: str
     passed: bool | None
-    """None where the check could not be made."""
+    """Whether the tracker passed; None where the check could not be made."""
     result: str
     """Sentence with the measured numbers, or with the reason why the check was not made."""
     skipped: bool = False
@@ -286,7 +286,7 @@ class CheckResult:
 
 @dataclass
 class PartResult:
-    """Results and findings of one part of an examination."""
+    """Answers of one check to its questions, and the faults that it found."""
 
     checks: list[CheckResult] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
@@ -294,7 +294,7 @@ class PartResult:
     def add(
         self, name: str, passed: bool | None, result: str, *findings: Finding | None, question: str = ""
     ) -> PartResult:
-        """Append the result of a check and its findings; an empty ``question`` stands for the one in its record."""
+        """Append the answer to a question, and its findings; an empty ``question`` is later taken from the record."""
         shown = [finding for finding in findings if finding is not None]
         faults = tuple(dict.fromkeys(finding.fault for finding in shown)) if passed is False else ()
         self.checks.append(CheckResult(name, question, passed, result, faults=faults))
@@ -302,10 +302,10 @@ class PartResult:
         return self
 
     def add_evidence(self, name: str, finding: Finding | None, otherwise: str) -> PartResult:
-        """Append a check that fails if there is a finding; its result is the evidence, or else ``otherwise``."""
+        """Append an answer, failed if there is a finding; its text is the finding's evidence or ``otherwise``."""
         return self.add(name, finding is None, otherwise if finding is None else finding.evidence, finding)
 
     def note(self, name: str, passed: bool, text: str, fault: str) -> PartResult:
-        """Append a check of a scene; if it failed, add a finding with the same text."""
+        """Append the answer of a scene; if it failed, add a finding of ``fault`` with the answer's text as evidence."""
         finding = None if passed else Finding(fault, 0.9, text[0].upper() + text[1:] + ".")
         return self.add(name, bool(passed), text, finding)

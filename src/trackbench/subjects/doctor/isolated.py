@@ -45,11 +45,11 @@ class SingleObjectTracker:
 
     @property
     def within(self) -> Any:
-        """The trackers and their states, without the wrapper that checks their answers."""
+        """The user's trackers and their states, without the wrapper that checks their answers."""
         return getattr(self._tracker, "_trackers", self._tracker), getattr(self._tracker, "_states", None)
 
     def step(self, state: int | None, scan: Scan) -> tuple[int | None, Estimate | None]:
-        """Return the estimate of the last answer's track, or of the track nearest to the detection, or None."""
+        """Return id and estimate of the track followed so far, or else of the one nearest to the detection, or None."""
         detections = 1 if scan.valid else 0
         batch = scan._replace(
             measurement=np.repeat(scan.measurement[:, None, None], detections, axis=1),
@@ -117,5 +117,5 @@ def examine_filter(sensors: Mapping[str, Sensor], make: Callable[[], Any]) -> tu
 
 
 def _is_tuning(finding: Finding) -> bool:
-    """Return whether a finding is more noise than stated, as much as tuning has; no drive here shows its harm."""
+    """Return whether a finding is a larger noise than stated that may be tuning: no drive here would show its harm."""
     return finding.fault == "r_too_large" and finding.factor is not None and finding.factor < TUNING

@@ -8,13 +8,13 @@ from trackbench.base.types import Array
 
 
 def largest_entry(matrix: Array) -> tuple[int, int]:
-    """Return the row and the column of the largest entry."""
+    """Return row and column of the largest entry, by value and not by magnitude."""
     row, column = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
     return int(row), int(column)
 
 
 def best_multiple(value: Array, matrix: Array) -> float:
-    """Return the factor of ``matrix`` that fits it to ``value`` best in least squares."""
+    """Return the number c for which ``c * matrix`` is nearest to ``value`` in least squares."""
     return float(np.sum(value * matrix) / np.sum(matrix**2))
 
 

@@ -31,20 +31,20 @@ def without_warnings() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class WorstCase:
-    """Largest violation of one check."""
+    """Estimate that violates one check most."""
 
     size: float
     where: str
     """Name of the probe or test drive."""
     time: float
-    """s"""
+    """Time of the estimate, s."""
     sensor: str
     scans: Callable[[], Sequence[Scan]]
     """Returns all scans that the tracker was given up to that time, without batch axes."""
 
 
 class OutputChecks:
-    """Number of all estimates of an examination, and the worst of them."""
+    """Counter of all estimates of an examination, which keeps the worst estimate for each check."""
 
     def __init__(self) -> None:
         self.estimates = 0
@@ -57,7 +57,7 @@ class OutputChecks:
         """Smallest eigenvalue of a covariance scaled to unit variances, with the sign changed."""
 
     def add(self, estimate: Estimate | None, scan: Scan, where: str, scans: Sequence[Scan]) -> None:
-        """Check an estimate after the last of the scans that the tracker was given; None is not counted."""
+        """Check the estimate after ``scan``, the last of all ``scans`` of the tracker; None is not counted."""
         count = len(scans)
         if estimate is not None:
             mean, covariance = estimate.mean[:, None], estimate.covariance[..., None]
@@ -103,7 +103,7 @@ class OutputChecks:
 
 
 def scaled_covariances(p: Array, like: Array | None = None) -> Array:
-    """Return covariances ``(..., 4, 4)`` in units of their standard deviations, or of those of ``like``."""
+    """Return covariances ``(..., 4, 4)`` scaled to unit variances, or by the standard deviations of ``like``."""
     variances = np.abs(np.diagonal(p if like is None else like, axis1=-2, axis2=-1))
     scale = np.sqrt(np.maximum(variances, np.finfo(float).tiny))
     return np.asarray(p / (scale[..., :, None] * scale[..., None, :]))
@@ -126,7 +126,7 @@ def _case(size: float, scan: Scan, where: str, scans: Callable[[], Sequence[Scan
 Make = Callable[[], Tracker]
 Measure = Callable[[Array], Array]
 Blame = Callable[[Array, Array, Array | None], bool]
-"""Says from the covariances before a step, predicted and after it, whether the prediction is to blame."""
+"""Returns whether the prediction is to blame, from the covariances before it, after it and after the update."""
 
 
 class FaultyStep(NamedTuple):
@@ -135,13 +135,13 @@ class FaultyStep(NamedTuple):
     step: Literal["start", "prediction", "update"]
     scan: Scan
     before: Array | None
-    """Covariance ``(4, 4)`` before the step: of the last estimate, or predicted to the update."""
+    """Covariance ``(4, 4)`` before the step: the last or, before an update, the predicted one; None without one."""
     after: Array
     """First wrong covariance ``(4, 4)``."""
 
     @property
     def words(self) -> str:
-        """The step and its time in words."""
+        """The step, its sensor and its time, in words for evidence."""
         if self.step == "start":
             return f"in the first estimate, at {self.scan.time:.4g} s"
         sensor = f" with {self.scan.sensor}" if self.step == "update" else ""
@@ -151,7 +151,7 @@ class FaultyStep(NamedTuple):
 
 
 def first_asymmetric_step(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
-    """Return the step after which the covariance is first not symmetric."""
+    """Return the step after which the covariance is first not symmetric; None where there is none."""
 
     def prediction_adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
         first, then = (asymmetry(scaled_covariances(p, like=predicted)) for p in (before, predicted))
@@ -164,7 +164,7 @@ def first_asymmetric_step(make: Make, scans: Sequence[Scan]) -> FaultyStep | Non
 
 
 def first_indefinite_step(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
-    """Return the step after which the covariance is first not positive definite."""
+    """Return the step after which the covariance is first not positive definite; None where there is none."""
 
     def prediction_is_indefinite(_before: Array, predicted: Array, _after: Array | None) -> bool:
         # An update keeps a covariance positive definite only if the predicted one is.
@@ -174,7 +174,7 @@ def first_indefinite_step(make: Make, scans: Sequence[Scan]) -> FaultyStep | Non
 
 
 def fault_of_step(fault: str, faulty: FaultyStep | None) -> str:
-    """Return the name of a fault, or the name of the same fault in a prediction where it arises there."""
+    """Return the name of the fault, with ``predicted_`` before it if the fault arises in a prediction."""
     return f"predicted_{fault}" if faulty is not None and faulty.step == "prediction" else fault
 
 
@@ -187,7 +187,7 @@ def mirrored_entries(faulty: FaultyStep) -> str:
 
 
 def indefinite_entries(faulty: FaultyStep) -> str:
-    """Return as text the least eigenvalue, and a negative variance or a correlation beyond one."""
+    """Return as text the covariance's least eigenvalue, and a negative variance or a correlation beyond one."""
     variances = np.diag(faulty.after)
     relative = scaled_covariances(faulty.after)
     i, j = _correlated(faulty)
@@ -212,7 +212,7 @@ def _correlated(faulty: FaultyStep) -> tuple[int, int]:
 
 
 def _first_faulty_step(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> FaultyStep | None:
-    """Step a fresh tracker until a covariance is wrong or a step fails; return whether its prediction is to blame."""
+    """Step a fresh tracker until a covariance is wrong or a step fails; blame the prediction or the update in it."""
     session, before = TrackerSession(make), None
     for k, scan in enumerate(scans):
         after, failed = _covariance(session.step, scan)
@@ -231,7 +231,7 @@ def _first_faulty_step(make: Make, scans: Sequence[Scan], size: Measure, in_pred
 
 
 def _covariance(step: Callable[[Scan], Estimate | None], scan: Scan) -> tuple[Array | None, bool]:
-    """Return the covariance, None unless finite, and whether the step failed."""
+    """Return the covariance after a scan, None unless the estimate is finite, and whether the step failed."""
     try:
         estimate = step(scan)
     except StepFailed:

@@ -15,45 +15,44 @@ from trackbench.sensing.view import sensor_motion
 
 
 class Carrier(NamedTuple):
-    """An observer at time 0; its velocity and its turn rate are constant."""
+    """Pose and motion, at time 0, of an observer with constant velocity and turn rate."""
 
     x: float = 0.0
-    """m"""
+    """Position along the fixed x axis, m."""
     y: float = 0.0
-    """m"""
+    """Position along the fixed y axis, m."""
     yaw: float = 0.0
-    """rad"""
+    """Heading, rad, counter-clockwise from the fixed x axis."""
     vx: float = 0.0
-    """m/s"""
+    """Velocity along the fixed x axis, m/s."""
     vy: float = 0.0
-    """m/s"""
+    """Velocity along the fixed y axis, m/s."""
     yaw_rate: float = 0.0
-    """rad/s"""
+    """Turn rate, rad/s, counter-clockwise."""
 
     @property
     def moves(self) -> bool:
         return self.vx != 0.0 or self.vy != 0.0 or self.yaw_rate != 0.0
 
     def at_rest(self) -> Carrier:
-        """Return an observer at rest with the same pose."""
         return Carrier(self.x, self.y, self.yaw)
 
 
 class SensorSite(NamedTuple):
-    """Place of a sensor on an observer. Targets are placed relative to the sensor."""
+    """Observers that carry a sensor, and its mounting on them. Targets are placed relative to the sensor."""
 
     standing: Carrier = Carrier()
     moving: Carrier | None = None
-    """Observer in moving probes and in the drive with a moving observer; None for their own observers."""
+    """Observer that replaces every moving observer of probes and drives; None keeps their own ones."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Sensor relative to the observer: forward m, left m, yaw rad."""
+    """Pose of the sensor relative to the observer: forward, m; left, m; yaw, rad."""
 
     def carrier(self, observer: Carrier) -> Carrier:
-        """Return the observer that carries the sensor where a probe or drive has ``observer``."""
+        """Return the observer that carries the sensor in a probe or drive written for ``observer``."""
         return (self.moving or observer) if observer.moves else self.standing
 
     def target(self, state: Array, observer: Carrier) -> Array:
-        """Return px, py, vx, vy ``(4,)`` that are to this sensor what ``state`` is to ``observer``."""
+        """Return the target ``(4,)`` that is to the sensor, in place and velocity, as ``state`` is to ``observer``."""
         carrier = self.carrier(observer)
         if carrier == observer and not any(self.mount):
             return state
@@ -64,12 +63,12 @@ class SensorSite(NamedTuple):
 
     @property
     def yaw(self) -> float:
-        """Yaw of the sensor on the standing observer, rad."""
+        """Yaw of the sensor on the standing observer, rad, counter-clockwise from the fixed x axis."""
         return self.standing.yaw + self.mount[2]
 
 
 def site_of(mount: Mount, observer: Carrier | None) -> SensorSite:
-    """Return the site of a sensor on the user's observer; without one, on the observers of the probes."""
+    """Return the site of a sensor on the user's observer; None puts the sensor on the probes' own observers."""
     mount_pose = (mount.x_m, mount.y_m, float(np.deg2rad(mount.yaw_deg)))
     if observer is None:
         return SensorSite(mount=mount_pose)
@@ -77,7 +76,7 @@ def site_of(mount: Mount, observer: Carrier | None) -> SensorSite:
 
 
 def carrier_of(observer: Observer) -> Carrier:
-    """Return an observer of a scenario at its greatest speed, with its largest turn rate."""
+    """Return a scenario's observer at the instant of its greatest speed, with its turn rate of largest magnitude."""
     fastest = int(np.argmax(np.hypot(observer.vx, observer.vy)))
     turn_rate = observer.yaw_rate[int(np.argmax(np.abs(observer.yaw_rate)))]
     pose = (observer.px[fastest], observer.py[fastest], wrap_angle(observer.yaw[fastest]))
@@ -95,12 +94,12 @@ RATES = (10.0, 50.0)
 
 
 def examination_rate(sensor: Sensor) -> float:
-    """Return the rate of a sensor in an examination, Hz; of recorded measurements 10 (lidar) or 20 (radar)."""
+    """Return a sensor's rate, limited to 10 to 50 Hz; 10 (lidar) or 20 (others) for a sensor without a rate."""
     return float(np.clip(sensor.rate_hz or (10.0 if sensor.type == "lidar" else 20.0), *RATES))
 
 
 def simplified(sensor: Sensor) -> Sensor:
-    """Return the sensor without limits of view, missed detections, delays and effects."""
+    """Return the sensor at its examination rate, without limits of view, missed detections, delays and effects."""
     unlimited: dict[str, Any] = {"fov_deg": 360.0, "max_range_m": None, "detection_probability": 1.0, "dropouts": []}
     rate = {"rate_hz": examination_rate(sensor), "phase_s": 0.0, "latency_s": 0, "effects": []}
     return sensor.model_copy(update={**unlimited, **rate})
@@ -112,12 +111,12 @@ MOUNTED_TURN = -0.6
 
 
 def rotation(angle: float) -> Array:
-    """Return the counter-clockwise rotation matrix ``(2, 2)``."""
+    """Return the matrix ``(2, 2)`` that rotates counter-clockwise by an angle, rad."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def turned_mounting(scan: Scan, angle: float) -> Scan:
-    """Return the scan of the same target by a sensor whose mounting is turned by ``-angle`` rad."""
+    """Return the scan that the sensor makes of the same target when its mounting is turned by ``-angle``, rad."""
     pose, measurement, noise = scan.sensor_pose.copy(), scan.measurement.copy(), scan.noise_covariance
     pose[2] = wrap_angle(pose[2] - angle)
     angular = list(SENSOR_MODELS[scan.kind].angular)
@@ -139,7 +138,7 @@ class Probe(NamedTuple):
     observer: Carrier = Carrier()
     """Observer at time 0; its turn rate is ignored."""
     turn_rate: float = 0.0
-    """Turn rate of the target, rad/s."""
+    """Turn rate of the target, rad/s, counter-clockwise."""
 
     def truth(self, time: float) -> Array:
         """Return px, py, vx, vy ``(4,)`` of the target at a time in s."""
@@ -150,7 +149,7 @@ class Probe(NamedTuple):
         return np.array([px + dx, py + dy, *(rotation(2.0 * half) @ [vx, vy])])
 
     def turned(self, angle: float, sensor: Sensor) -> Probe:
-        """Return the probe with its target turned by an angle in rad about a sensor of the standing observer."""
+        """Return the probe, whose observer is at rest, with its target turned about a sensor by an angle, rad."""
         c, s = np.cos(angle), np.sin(angle)
         x, y, _ = self.scan("", sensor, 0.0).sensor_pose
         px, py, vx, vy = self.target
@@ -159,19 +158,19 @@ class Probe(NamedTuple):
         return self._replace(name=f"{self.name}_turned", target=_as_floats(target))
 
     def placed(self, site: SensorSite) -> Probe:
-        """Return the probe at a site, its target with the same place and velocity relative to the sensor."""
+        """Return the probe moved to a site; its target keeps place and velocity relative to the sensor."""
         target = site.target(np.array(self.target), self.observer)
         return self._replace(target=_as_floats(target), observer=site.carrier(self.observer))
 
     def standing(self) -> Probe:
-        """Return the probe with its observer at rest and the same relative velocity."""
+        """Return the probe with its observer at rest; the target keeps its velocity relative to the observer."""
         px, py, vx, vy = self.target
         return self._replace(
             target=(px, py, vx - self.observer.vx, vy - self.observer.vy), observer=self.observer.at_rest()
         )
 
     def scan(self, name: str, sensor: Sensor, time: float) -> Scan:
-        """Return a sensor's noise-free measurement of the target."""
+        """Return a sensor's noise-free measurement of the target at a time in s."""
         # A tracker may write into the arrays of its scan.
         measurement, pose, velocity = (part.copy() for part in _measure(self, sensor.type, sensor.mount, time))
         return Scan(
@@ -181,7 +180,7 @@ class Probe(NamedTuple):
 
 @lru_cache(maxsize=10_000)
 def _measure(probe: Probe, kind: str, mount: Mount, time: float) -> tuple[Array, Array, Array]:
-    """Return the measurement of a probe's target, and the pose and the velocity of the sensor."""
+    """Return the noise-free measurement of a probe's target, and the sensor's pose ``(3,)`` and velocity ``(2,)``."""
     x, y, yaw, vx, vy, _ = (np.array([value]) for value in probe.observer)
     observer = Observer(x + vx * time, y + vy * time, yaw, vx, vy, np.zeros(1))
     motion = sensor_motion(observer, mount)
@@ -195,13 +194,13 @@ def _as_floats(state: Iterable[float]) -> tuple[float, float, float, float]:
 
 
 def with_measurement_noise(scan: Scan, random: np.random.Generator) -> Scan:
-    """Return the scan with added measurement noise of its stated variances."""
+    """Return the scan with Gaussian noise of the stated variances added to its measurement."""
     noise = np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
     return scan._replace(measurement=scan.measurement + noise)
 
 
 def probe_rate(sensor: Sensor) -> float:
-    """Return the rate of a sensor at a probe, Hz."""
+    """Return the rate at which a sensor measures a probe's target, Hz; 20 for a sensor without a rate."""
     return sensor.rate_hz or 20.0
 
 
@@ -250,7 +249,7 @@ AT_REST = Probe("at_rest", "a target at rest", (17.0, 11.0, 0.0, 0.0))
 
 
 class Probes(NamedTuple):
-    """All probes of an examination."""
+    """Probes of an examination, grouped by the motion of target and observer."""
 
     general: tuple[Probe, ...] = GENERAL
     radial: Probe = RADIAL
@@ -263,11 +262,11 @@ class Probes(NamedTuple):
     site: SensorSite = SensorSite()
 
     def standing(self) -> Probes:
-        """Return the probes without a moving observer."""
+        """Return the probes for sensors at rest: ``moving`` is left out, ``passing`` keeps its relative velocities."""
         return self._replace(moving=(), passing=tuple(probe.standing() for probe in self.passing))
 
     def placed(self, sites: Sequence[SensorSite]) -> Probes:
-        """Return the probes at the site of the first sensor, and those at the azimuth pi at the site of each sensor."""
+        """Return the probes placed at the first site; those at the azimuth pi, ``axes``, are placed at every site."""
         site = sites[0]
 
         def all_placed(probes: Sequence[Probe]) -> tuple[Probe, ...]:
@@ -292,7 +291,7 @@ class Probes(NamedTuple):
 
 
 def varied(random: np.random.Generator) -> Probes:
-    """Return the probes with positions and velocities scaled by 0.9 to 1.1 at random, unless they must be exact."""
+    """Scale target positions and velocities at random by 0.9 to 1.1; ``axes``, ``course_turn`` and ``at_rest`` stay."""
 
     def scaled(probe: Probe) -> Probe:
         position, velocity = random.uniform(0.9, 1.1, 2)

@@ -64,7 +64,7 @@ class Examination:
         return [f"{check.name}: {check.result}" for check in self.checks if check.passed and NO_HARM in check.result]
 
     def certainty(self, cause: Finding | None = None) -> Certainty:
-        """Return how sure the name of a root cause is; by default of the first one."""
+        """Return how sure it is that a root cause is the named fault; by default for the first root cause."""
         return certainty(self.findings, self.checks, cause or next(iter(self.causes), None))
 
     def json(self) -> dict[str, Any]:
@@ -101,7 +101,7 @@ class Examination:
         """Write the findings, the report, and the replays that are offered; return the names of the files.
 
         Raises:
-            TrackbenchError: the folder cannot be written, or holds something else.
+            TrackbenchError: the folder cannot be written, or holds something else than an examination.
         """
         place = Path(folder)
         document = self.report().document
@@ -160,7 +160,7 @@ def _facts(examination: Examination, finding: Finding) -> str:
 
 
 def _points(examination: Examination, finding: Finding) -> list[tuple[str, str]]:
-    """Return evidence, place, fix and unexplained checks of a root cause, each with its heading."""
+    """Return evidence, place in the code, fix and unexplained checks of a root cause, each with its heading."""
     points = [
         ("evidence", finding.evidence),
         ("look at", known_faults()[finding.fault].where),

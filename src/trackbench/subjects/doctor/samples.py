@@ -19,9 +19,9 @@ DIVERGED = 0.5
 
 
 def has_samples(tracker: TrackerUnderTest) -> bool:
-    """Return whether a tracker draws random samples: it says so, or repeated answers of it differ.
+    """Return whether a tracker draws random samples: it says so, or its answers differ when repeated or redrawn.
 
-    An ensemble with centred samples gives equal means where nothing has noise; only its covariances differ.
+    Covariances are compared too: centred samples give equal means in every draw as long as nothing has noise.
     """
     if tracker.random or tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
         return True

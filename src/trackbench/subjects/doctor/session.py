@@ -32,7 +32,7 @@ class StepFailed(Exception):
     Args:
         error: error that the step raised.
         scan: scan of the step.
-        earlier_scans: scans before it, in order.
+        earlier_scans: scans before the failed one, in order.
     """
 
     def __init__(self, error: BaseException, scan: Scan, earlier_scans: Sequence[Scan] = ()) -> None:
@@ -43,19 +43,19 @@ class StepFailed(Exception):
 
 
 class MissGiven(StepFailed):
-    """A scan without a detection, which is withheld from a tracker that may assume that every scan has one."""
+    """Error in place of a step without a detection, of a tracker that may assume a detection in every scan."""
 
     def __init__(self, scan: Scan) -> None:
         super().__init__(TrackerFault("it is given no scans without a detection"), scan)
 
 
 def do_nothing() -> None:
-    """Stand for a counter of steps where nobody counts them."""
+    """Do nothing, as the step counter where nobody counts steps."""
 
 
 @dataclass(frozen=True)
 class TrackerFactory:
-    """Function that makes fresh trackers, with the rules of their steps."""
+    """Maker of fresh trackers, with the rules for their steps."""
 
     make: Callable[[], Tracker]
     no_misses: bool = False
@@ -67,7 +67,7 @@ class TrackerFactory:
 
     @classmethod
     def of(cls, make: Callable[[], Tracker]) -> TrackerFactory:
-        """Return ``make`` if it is a factory, or a factory of it with the usual rules."""
+        """Return ``make`` if it is a factory, or a factory of it that allows missed scans and counts no steps."""
         return make if isinstance(make, TrackerFactory) else cls(make)
 
 
@@ -90,14 +90,14 @@ class TrackerSession:
 
     @classmethod
     def after(cls, make: Callable[[], Tracker], scans: Sequence[Scan]) -> TrackerSession:
-        """Return a session that has been given some scans; raise ``StepFailed`` where one of them fails."""
+        """Return a session of a fresh tracker that has processed ``scans``; raise ``StepFailed`` where a step fails."""
         session = cls(make)
         session.follow(scans)
         return session
 
     @property
     def columns(self) -> int:
-        """Number of targets that the session follows; 1 of a tracker that takes no batch."""
+        """Number of targets that the session follows; 1 for a tracker that takes no batch."""
         return len(self._started)
 
     @property
@@ -111,15 +111,15 @@ class TrackerSession:
 
     @property
     def not_copied(self) -> str | None:
-        """Reason why a copy repeats all scans with a fresh tracker; None where it does not, or no copy was made."""
+        """Reason why a copy is a fresh tracker given all scans again; None while ``copy.deepcopy`` has not failed."""
         return self._tracker.not_copied
 
     def step(self, scan: Scan) -> Estimate | None:
-        """Return the estimate after a scan, which all columns are given; None before the track has started.
+        """Give a scan to all columns and return the first column's estimate; None before its track has started.
 
         Raises:
             StepFailed: the tracker raised, or returned no valid estimate.
-            MissGiven: the scan has no detection, and the tracker is given no such scans.
+            MissGiven: the scan has no detection, and the tracker is given only scans with one.
         """
         return self.step_each([scan] * self.columns)[0]
 
@@ -128,7 +128,7 @@ class TrackerSession:
 
         Raises:
             StepFailed: the tracker raised, or returned no valid estimate, in any column.
-            MissGiven: a scan has no detection, and the tracker is given no such scans.
+            MissGiven: a scan has no detection, and the tracker is given only scans with one.
         """
         if self._no_misses and not all(scan.valid.any() for scan in scans):
             raise MissGiven(scans[0])
@@ -152,7 +152,7 @@ class TrackerSession:
         yield from (self.step(scan) for scan in scans)
 
     def follow(self, scans: Sequence[Scan]) -> list[Estimate | None]:
-        """Return the estimate after each scan; raise ``StepFailed`` where a step fails."""
+        """Step through all scans; return the estimate after each, and raise ``StepFailed`` where a step fails."""
         return list(self.walk(scans))
 
     def peek(self, scan: Scan) -> Estimate | None:
@@ -165,7 +165,7 @@ class TrackerSession:
 
     @property
     def peek_limit(self) -> int:
-        """Largest number of scans that ``peek_each`` takes."""
+        """Largest number of scans that ``peek_each`` takes; 1 where the columns of the batch differ."""
         return self.columns if self._columns_agree else 1
 
     def peek_each(self, scans: Sequence[Scan]) -> list[Estimate | None]:
@@ -181,7 +181,7 @@ class TrackerSession:
 
     @property
     def inside(self) -> tuple[Any, Any] | None:
-        """The tracker, or the one that it holds as ``within``, and its state; None for a program."""
+        """Tracker and its state, to search for values; a wrapper gives its attribute ``within``; None for a program."""
         tracker, state = self._tracker.tracker, self._tracker.state
         return None if isinstance(tracker, ProgramTracker) else (getattr(tracker, "within", tracker), state)
 
@@ -193,7 +193,7 @@ class TrackerSession:
     def predict(self, scan: Scan) -> Estimate | None:
         """Return the estimate at the time of a scan, before its measurement: the answer to a missed scan.
 
-        A tracker that is given no missed scans has its last estimate moved by its velocity, without process noise.
+        Where no missed scan may be given, the last estimate is moved by its velocity, without process noise.
 
         Raises:
             StepFailed: the step failed, or the tracker can neither be copied nor repeated.
@@ -244,19 +244,19 @@ def finite(estimate: Estimate) -> bool:
 
 
 def position_sigma(estimate: Estimate) -> float:
-    """Return the standard deviation of the distance from the estimated position, m."""
+    """Return the RMS distance from the estimated position by the estimate's covariance, m."""
     return float(np.sqrt(np.trace(estimate.covariance[:2, :2])))
 
 
 def plausible(estimate: Estimate | None) -> bool:
-    """Return whether there is a finite estimate whose values and standard deviations are below `FAR`."""
+    """Return whether the estimate exists and is finite, with values and standard deviations below 10 000 m or m/s."""
     if estimate is None or not finite(estimate):
         return False
     return bool(np.abs(estimate.mean).max() < FAR and np.abs(np.diag(estimate.covariance)).max() < FAR**2)
 
 
 def largest_difference(estimate: Estimate, reference: Estimate) -> float:
-    """Return the largest difference in standard deviations (means) or variances (covariances) of ``reference``."""
+    """Return the largest difference of two estimates' entries, scaled by the standard deviations of ``reference``."""
     sigma = np.sqrt(np.maximum(np.diag(reference.covariance), np.finfo(float).tiny))
     mean = np.abs(estimate.mean - reference.mean) / sigma
     covariance = np.abs(estimate.covariance - reference.covariance) / np.outer(sigma, sigma)

@@ -35,11 +35,11 @@ SENSORS: Mapping[str, Sensor] = {
 
 @dataclass(frozen=True)
 class ExaminedTracker:
-    """A tracker to be examined."""
+    """A tracker to be examined, with the sensors and the observer of its examination."""
 
     name: str
     make: Callable[[], Any]
-    """Makes a fresh tracker of one object, or a stepper of a tracker of several."""
+    """Makes a fresh tracker, of one object or of several."""
     sensors: Mapping[str, Sensor]
     multi_object: bool = False
     notes: tuple[str, ...] = ()
@@ -102,8 +102,8 @@ def find_tracker_in(
     Args:
         loaded: scenario with the tracker.
         name: name of the tracker.
-        options: no entries; the scenario has the options of its trackers.
-        sensor_scenario: scenario whose sensors and observer are used instead.
+        options: must be empty, because the scenario has the options of its trackers.
+        sensor_scenario: scenario whose sensors and observer are used; None for those of ``loaded``.
         isolation: whether a tracker that is not built in gets a process of its own.
 
     Raises:
@@ -175,7 +175,7 @@ def _read_tracker(
 
 
 def _startable(examined: ExaminedTracker) -> ExaminedTracker:
-    """Make a tracker that starts from the truth start from two measurements; return any other as it comes."""
+    """Return the tracker; if it starts from the truth, make it start from two measurements, and note that."""
     first = examined.make()
     if not (isinstance(first, LateScans) and first.starts_from_truth):
         return examined

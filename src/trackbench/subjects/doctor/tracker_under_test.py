@@ -47,7 +47,7 @@ class TrackerUnderTest:
     Args:
         make: makes a fresh tracker.
         sensors: sensors by name.
-        drives: test drives, each with the estimates of the reference.
+        drives: test drives, each with the estimates of the reference tracker.
         probes: all probes.
         seed: seed of the noise.
         assumptions: what the user states of the tracker and its sensors.
@@ -80,12 +80,12 @@ class TrackerUnderTest:
         self._answers: dict[Callable[[TrackerUnderTest], Any], Any] = {}
 
     def for_tracker(self, make: Callable[[], Tracker]) -> TrackerUnderTest:
-        """Return another tracker under the same test."""
+        """Return the trackers of ``make`` under the same test: same sensors, drives, probes and assumptions."""
         on_step = self.make.on_step
         return TrackerUnderTest(make, self.sensors, self.drives, self.probes, self.seed, self.assumptions, on_step)
 
     def once(self, question: Callable[[TrackerUnderTest], Answer]) -> Answer:
-        """Return a function's answer about the tracker; the function is called the first time only."""
+        """Return ``question(self)``, computed at the first call and kept for later ones."""
         if question not in self._answers:
             self._answers[question] = question(self)
         answer: Answer = self._answers[question]
@@ -93,7 +93,7 @@ class TrackerUnderTest:
 
     @contextmanager
     def recording_failures(self, where: str) -> Iterator[None]:
-        """Add a failed step to the failures, and go on after the ``with`` block."""
+        """Catch a failed step in the ``with`` block, and add it to ``failures`` with the name ``where``."""
         try:
             yield
         except MissGiven:
@@ -103,7 +103,7 @@ class TrackerUnderTest:
             self.failures.append((where, failure))
 
     def sensor_sets(self) -> list[tuple[str, ...]]:
-        """Return the sets of sensors with which targets are followed: each sensor alone, and all."""
+        """Return the sets of sensors with which targets are followed: each sensor alone, then all together."""
         single_sensors: list[tuple[str, ...]] = [(name,) for name in self.sensors]
         return single_sensors if len(single_sensors) == 1 else [*single_sensors, tuple(self.sensors)]
 
@@ -142,15 +142,15 @@ class TrackerUnderTest:
         return session if len(estimates) == len(scans) else None
 
     def scan(self, probe: Probe, name: str, time: float) -> Scan:
-        """Return the noise-free measurement of a probe's target by a sensor."""
+        """Return the noise-free measurement of a probe's target by a sensor at a time in s."""
         return probe.scan(name, self.sensors[name], time)
 
     def missed(self, probe: Probe, name: str, time: float) -> Scan:
-        """Return the scan of a sensor that does not detect the target."""
+        """Return the scan, without a detection, of a sensor at a probe."""
         return empty_scan(self.scan(probe, name, time))
 
     def peek(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
-        """Return a session's answer to a scan; None where there is no estimate, or the step fails."""
+        """Return the estimate after a scan, without changing the session; None if there is none or the step fails."""
         if session is not None:
             with self.recording_failures(where):
                 return session.peek(scan)
@@ -164,7 +164,7 @@ class TrackerUnderTest:
         return None
 
     def approach(self, probe: Probe, sensor_set: tuple[str, ...], duration: float = WARM_UP) -> list[Scan]:
-        """Return the noise-free scans before time 0, ordered by time and then by sensor."""
+        """Return the noise-free scans of a probe's target before time 0, ordered by time and then by sensor."""
         scans = []
         for name in sensor_set:
             rate = probe_rate(self.sensors[name])
@@ -173,7 +173,7 @@ class TrackerUnderTest:
         return sorted(scans, key=lambda scan: scan.time)
 
     def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], *, replica: bool = False) -> Trial | None:
-        """Return a trial of one sensor at a probe; None where the tracker failed or has no estimate."""
+        """Return a trial of ``sensor`` at a probe followed with ``sensor_set``; None where there is no estimate."""
         key = (probe, sensor, sensor_set, replica)
         if key not in self._trials:
             self._trials[key] = self._make_trial(*key)
@@ -224,7 +224,7 @@ class TrackerUnderTest:
 
     @cached_property
     def replicas(self) -> dict[str, list[Trial]]:
-        """Usable trials at the regular probes with other random samples, by sensor."""
+        """Trials as in ``trials``, by sensor, of a tracker whose random samples are shifted."""
         return self._regular_trials(replica=True)
 
     def _regular_trials(self, *, replica: bool) -> dict[str, list[Trial]]:
@@ -239,7 +239,7 @@ class TrackerUnderTest:
 
     @cached_property
     def batched(self) -> bool:
-        """Whether the tracker takes a batch of targets at once."""
+        """Whether the tracker follows a batch of targets, each a column of its arrays, in one step."""
         return bool(getattr(self.make(), "batched", False))
 
     @cached_property
@@ -272,7 +272,7 @@ class TrackerUnderTest:
 
     @cached_property
     def memoryless(self) -> bool:
-        """Whether the tracker predicts no motion, and its position is the last measured one."""
+        """Whether the tracker predicts no motion, and only returns the last measured position."""
         for trial in (trial for trials in self.trials.values() for trial in trials):
             scan, predicted = trial.scan, trial.prediction.mean
             if not self.assumptions.no_misses:
@@ -307,14 +307,14 @@ def linearises(tracker: TrackerUnderTest) -> bool | None:
 
 
 def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: TrackerSession, gap: float) -> Trial | None:
-    """Return a trial of a sensor ``gap`` s after time 0; None where the tracker has no prediction."""
+    """Return a trial of a sensor after ``gap`` s without scans from time 0; None where there is no prediction."""
     scan = tracker.scan(probe, name, gap)
     prediction = tracker.predict(session, scan, probe.name)
     return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
 
 
 def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:
-    """Return the components of a sensor whose constant offset the tracker learns."""
+    """Return the measurement components of a sensor whose constant offset the tracker estimates and takes off."""
     probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[-1]
     model = SENSOR_MODELS[tracker.sensors[sensor].type]
     learned = []

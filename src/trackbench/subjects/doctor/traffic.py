@@ -48,13 +48,13 @@ Make = Callable[[], Any]
 
 @dataclass(frozen=True)
 class Site:
-    """A sensor at rest at the origin."""
+    """A sensor at rest at the origin of the fixed frame, and the scans that it makes of objects."""
 
     name: str
     sensor: Sensor
 
     def detections(self, objects: Array, time: float = 0.0, random: np.random.Generator | None = None) -> Array:
-        """Return measurements ``(m, n)`` at a time of objects ``(4, n)`` at time 0; exact ones without ``random``."""
+        """Return measurements ``(m, n)``, exact without ``random``, at a time in s of objects ``(4, n)`` at time 0."""
         ideal = self.sensor.measure(moved_objects(objects, time), np.zeros(3), np.zeros(2))
         if random is None:
             return ideal
@@ -102,7 +102,7 @@ class Site:
         return [self.scan(float(t) + origin, self.detections(objects, float(t), random), order) for t in times]
 
     def expected(self, tracks: Tracks, column: int) -> tuple[Array, Array, Array]:
-        """Return the measurement that a track expects at its time, its covariance, and a Kalman filter's gain."""
+        """Return the predicted measurement of a track, the innovation covariance, and the gain of a Kalman filter."""
         mean, prior = tracks.mean[:, column], tracks.covariance[:, :, column]
         slope = self.sensor.jacobian(mean, np.zeros(3), np.zeros(2))
         covariance = slope @ prior @ slope.T + self.sensor.noise_covariance()
@@ -111,13 +111,13 @@ class Site:
 
 
 class MultiObjectSession:
-    """A tracker of several objects on its way through scans."""
+    """A fresh tracker of several objects, with its state between scans."""
 
     def __init__(self, make: Make) -> None:
         self._tracker, self._state = make(), None
 
     def step(self, scan: Scan) -> Tracks:
-        """Return the tracks after a scan."""
+        """Return the tracks that the tracker reports after a scan."""
         batch = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
         self._state, tracks = self._tracker.step(self._state, batch)
         return tracks_of_run(tracks, 0)
@@ -129,7 +129,7 @@ class MultiObjectSession:
 
 @dataclass(frozen=True)
 class FollowedTrack:
-    """Track of an object after some scans; another scan is tried on a fresh tracker."""
+    """Track of an object after ``scans``; a further scan is tried by giving all scans to a fresh tracker."""
 
     make: Make
     site: Site
@@ -139,7 +139,7 @@ class FollowedTrack:
 
     @classmethod
     def of_object(cls, make: Make, site: Site, target: Array, seconds: float) -> Self | None:
-        """Return the track after noise-free scans of one object ``(4,)``; None where it has no track."""
+        """Return the track after noise-free scans of one object ``(4,)``; None where the object has no track."""
         scans = site.scans(target[:, None], seconds)
         tracks = MultiObjectSession(make).follow(scans)[-1]
         column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
@@ -158,23 +158,23 @@ class FollowedTrack:
 
 
 def with_detections(scan: Scan, detections: Array) -> Scan:
-    """Return the scan with other detections ``(m, D)``."""
+    """Return the scan with its detections replaced by ``detections`` ``(m, D)``."""
     return scan._replace(measurement=detections, valid=np.ones(detections.shape[1], dtype=bool))
 
 
 def column_of_nearest(tracks: Tracks, position: Array) -> int | None:
-    """Return the column of the track that is on an object at ``(2,)``; None where there is none."""
+    """Return the index of the track nearest to a position ``(2,)``; None where no track is within 5 m."""
     distance = distances(tracks, position[:2, None])[:, 0]
     return int(np.argmin(distance)) if len(distance) and distance.min() < NEAR else None
 
 
 def moved_objects(objects: Array, time: float) -> Array:
-    """Return objects ``(4, ...)`` some time later, at constant velocity."""
+    """Return the states ``(4, ...)`` of objects after ``time`` s at constant velocity."""
     return np.concatenate([objects[:2] + objects[2:] * time, objects[2:]])
 
 
 def distances(tracks: Tracks, positions: Array) -> Array:
-    """Return the distances ``(K, n)`` of tracks from positions ``(2, n)``, m."""
+    """Return the distances ``(K, n)``, m, of K tracks from n positions ``(2, n)``."""
     difference = tracks.mean[:2, :, None] - positions[:2, None, :]
     return np.asarray(np.hypot(difference[0], difference[1]))
 
@@ -247,9 +247,9 @@ class TrafficDoctor:
 
 
 def rank_together(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
-    """Rank the findings of a filter before those of its tracks; the filter is examined without association.
+    """Rank the faults of the filter within each track before faults of association, birth and deletion.
 
-    A sure finding of the filter explains all findings of the tracks.
+    A sure finding about the filter becomes the cause of all findings about the tracks.
     """
     faults = {finding.fault for finding in of_tracks}
     if "empty_scan_not_predicted" in faults:

@@ -43,15 +43,15 @@ class Trial:
     """Estimate of the tracker at the time of the scan, before its measurement."""
     session: TrackerSession
     repeats: int = 1
-    """Number of answers that are averaged."""
+    """Number of answers that are averaged; 1 unless copies of the tracker draw different random numbers."""
     sensor_set: tuple[str, ...] = ()
-    """Names of the sensors with which the target was followed before."""
+    """Names of the sensors with which the target was followed before the trial."""
     _posteriors: dict[tuple[float, ...], Estimate | None] = field(default_factory=dict)
     _updates: dict[tuple[float, ...], TrialUpdate | None] = field(default_factory=dict)
 
     @property
     def usable(self) -> bool:
-        """Whether the prediction is finite, not absurdly far off, and has positive variances."""
+        """Whether the prediction is finite and below 10 000 m and m/s, and has positive variances."""
         p = self.prediction
         return finite(p) and bool(np.abs(p.mean).max() < FAR) and bool(np.diag(p.covariance).min() > 0.0)
 
@@ -67,12 +67,12 @@ class Trial:
 
     @property
     def gain_scale(self) -> Array:
-        """Factors ``(4, m)`` by which a gain is multiplied to be in standard deviations."""
+        """Factors ``(4, m)`` that scale a gain to standard deviations of the prediction per one of the measurement."""
         return self.sigma / self.state_sigma[:, None]
 
     @property
     def variance_scale(self) -> Array:
-        """Divisors ``(4, 4)`` by which a covariance is divided to be in variances of the prediction."""
+        """Products ``(4, 4)`` of the prediction's standard deviations; a covariance divided by them is scaled."""
         return np.outer(self.state_sigma, self.state_sigma)
 
     @cached_property
@@ -101,7 +101,7 @@ class Trial:
 
     @property
     def nearly_linear(self) -> bool:
-        """Whether the curvature of every component is small."""
+        """Whether the curvature of every component is below 0.3 sigma."""
         return bool(self.curvature.max() < CURVED)
 
     @cached_property
@@ -152,7 +152,7 @@ class Trial:
         return self._posteriors[key]
 
     def _try_together(self, measurements: list[Array]) -> None:
-        """Try measurements in one step of a batched tracker, where the session takes that many."""
+        """Try several measurements in one step of a batched tracker, if its batch has a column for each."""
         measurements = [measurement for measurement in measurements if _key(measurement) not in self._posteriors]
         if not 1 < len(measurements) <= self.session.peek_limit or self.repeats > 1:
             return
@@ -173,7 +173,7 @@ class Trial:
         return estimate if estimate is not None and finite(estimate) else None
 
     def offset(self) -> Array | None:
-        """Return the measurement without an innovation minus the predicted one ``(m,)``; None where unknown."""
+        """Return the measurement ``(m,)`` that leaves the mean as it is, minus the predicted one; None if not found."""
         measurement = self.predicted_measurement.copy()
         for _ in range(6):
             update = self.update(measurement)
@@ -186,12 +186,12 @@ class Trial:
         return None
 
     def linear_update(self) -> TrialUpdate | None:
-        """Return the update with the predicted measurement; None where the model is curved, or nothing is updated."""
+        """Return the update by the predicted measurement; None where the model is curved, or nothing moves."""
         update = self.update(self.predicted_measurement) if self.nearly_linear else None
         return update if update is not None and update.used.any() else None
 
     def update(self, measurement: Array) -> TrialUpdate | None:
-        """Return the tracker's update with a measurement; None where it gives no estimate there or close by."""
+        """Return the tracker's update with a measurement; None where it, or one close by, gives no estimate."""
         key = _key(measurement)
         if key not in self._updates:
             self._updates[key] = self._differentiate(np.array(key))
@@ -222,7 +222,7 @@ def _key(measurement: Array) -> tuple[float, ...]:
 
 
 def average_answers(session: TrackerSession, scan: Scan, repeats: int) -> Estimate | None:
-    """Return the mean of several answers of a session to a scan; None without an estimate."""
+    """Return the mean of ``repeats`` estimates after a scan, each by a copy of the session; None if there is none."""
     first = session.peek(scan)
     if first is None or repeats == 1:
         return first
@@ -235,11 +235,11 @@ def average_answers(session: TrackerSession, scan: Scan, repeats: int) -> Estima
 
 @dataclass(frozen=True, eq=False)
 class TrialUpdate:
-    """A tracker's update with one measurement."""
+    """A tracker's update with one measurement, and the gain that neighbouring measurements show."""
 
     estimate: Estimate
     gain: Array
-    """Derivative ``(4, m)`` of the estimate by the measurement, by finite differences."""
+    """Derivative ``(4, m)`` of the estimated mean by the measurement, by finite differences."""
     trial: Trial
 
     @cached_property
@@ -267,7 +267,7 @@ class TrialUpdate:
 
     @cached_property
     def information(self) -> Array | None:
-        """``P^-1 K`` ``(4, m)``, which is ``H^T R^-1`` in a Kalman filter; None where P is not positive definite."""
+        """``P^-1 K`` ``(4, m)``, in a Kalman filter ``H^T R^-1``; None unless the updated P is positive definite."""
         p = linalg.symmetrise(self.estimate.covariance)
         if not np.linalg.eigvalsh(p)[0] > 0.0:
             return None

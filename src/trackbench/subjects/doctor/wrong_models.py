@@ -47,17 +47,17 @@ EGO_VELOCITIES: tuple[tuple[str, Callable[[Array, float, Array], float]], ...] =
 
 
 class WrongModel(NamedTuple):
-    """A measurement model with one known fault."""
+    """A measurement model with one known fault, as a wrong tracker may have."""
 
     fault: str
     description: str
-    """Words that say what the tracker does."""
+    """Clause that says what a tracker with this model does."""
     measure: Callable[[Array, Scan], Array]
     """Returns the predicted measurement ``(m,)`` of a target ``(4,)`` at a scan."""
 
 
 def wrong_models(kind: str) -> Iterator[WrongModel]:
-    """Yield the wrong models of a kind of sensor, simple ones first."""
+    """Yield the wrong measurement models for a kind of sensor, simple ones first."""
     if kind == "lidar":
         rotated = "x and y are swapped, and one has the other sign"
         for fault, description, order, signs in (
@@ -113,7 +113,7 @@ def _reordered(target: Array, scan: Scan, order: int, signs: list[int]) -> Array
 
 
 def _azimuth(target: Array, scan: Scan, change: Callable[[float], float], fixed: bool) -> Array:
-    """Change the azimuth in the sensor's frame, or in the fixed frame before the yaw is subtracted."""
+    """Predict with a changed azimuth: in the sensor's frame, or if ``fixed`` before the sensor's yaw is subtracted."""
     z, yaw = right_measurement(target, scan).copy(), scan.sensor_pose[2] if fixed else 0.0
     z[1] = change(float(z[1] + yaw)) - yaw
     return z
@@ -138,7 +138,7 @@ def _forward(target: Array, scan: Scan) -> Array:
 
 
 def _rated(target: Array, scan: Scan, ego_rate: Callable[[Array, float, Array], float]) -> Array:
-    """Subtract another function of the sensor's velocity from the range rate."""
+    """Predict the range rate with ``ego_rate`` subtracted, in place of the sensor's speed along the line of sight."""
     at_rest = scan._replace(sensor_velocity=np.zeros(2))
     z = right_measurement(target, at_rest).copy()
     sight = target[:2] - scan.sensor_pose[:2]

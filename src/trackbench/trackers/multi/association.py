@@ -23,44 +23,48 @@ MAX_CLUSTER = 6
 
 
 class AssociationInput(NamedTuple):
-    """Tracks and detections of a scan before their association."""
+    """Predicted tracks, and detections of a scan, before their association."""
 
     filter: TrackFilter
     expected: PredictedTracks
     detections: RunDetections
     measured: Measured
     run: Indices
-    """``(L,)``"""
+    """Run ``(L,)`` of each track, as an index in the batch of runs."""
     detection_probability: Array
-    """``(L,)`` P_D at each track; 0 outside the field of view, less if the object may be hidden."""
+    """P_D ``(L,)`` of each track; 0 outside the field of view, less if the object may be hidden."""
     gate: float
-    """Probability that a detection falls into the gate."""
+    """Probability that an object's detection falls into the gate of its track."""
     intensity: Intensity
 
     @property
     def miss(self) -> Array:
-        """``(L,)`` probability that an existing object has no detection in its gate."""
+        """Probability ``(L,)`` that an existing object has no detection in its gate."""
         return 1.0 - self.detection_probability * self.gate
 
 
 class Association(NamedTuple):
-    """Result of an association: updated beliefs, and the detection of each track."""
+    """Result of an association: updated beliefs of the tracks, and the detection of each track."""
 
     belief: AnyBelief
     detection: Indices
-    """``(L,)`` most probable detection of each track; -1 for none."""
+    """Index ``(L,)`` of the most probable detection of each track; -1 for none."""
     unclaimed: Array
-    """``(N,)`` probability that a detection stems from no track."""
+    """Probability ``(N,)`` that a detection stems from no existing track."""
     log_ratio: Array
-    """``(L,)`` log-likelihood ratio of the detections with the object to the detections without it."""
+    """Log-likelihood ratio ``(L,)`` of the detections with the track's object to the detections without it."""
     existence: Array | None = None
-    """``(2, L)`` probabilities of existence and, given existence, of being visible; None without existence."""
+    """Probabilities ``(2, L)`` of existence and, given existence, of being visible; None for a method without them."""
 
 
 def hard_association(inputs: AssociationInput, track: Indices, detection: Indices, log_ratio: Array) -> Association:
-    """Update each paired track ``(P,)`` with its detection ``(P,)``; other tracks keep their prediction.
+    """Update each track of a pair with the pair's detection; keep the prediction of other tracks.
 
-    ``log_ratio`` is ``(P,)`` the log-likelihood ratio of each pair. No track has two pairs.
+    Args:
+        inputs: tracks and detections.
+        track: index ``(P,)`` of each pair's track; no track has two pairs.
+        detection: index ``(P,)`` of each pair's detection.
+        log_ratio: log-likelihood ratio ``(P,)`` of each pair.
     """
     detection_of_track, unclaimed = np.zeros(len(inputs.run), dtype=np.intp), np.zeros(len(inputs.detections.run))
     detection_of_track += NONE
@@ -82,17 +86,18 @@ def soft_association(
 ) -> Association:
     """Update each track with the mixture of its possible detections (JPDA, or JIPDA with ``existence``).
 
-    Source: Fortmann, Bar-Shalom and Scheffe (1983), "Sonar tracking of multiple targets using joint probabilistic
-    data association"; with existence Musicki and Evans (2004), "Joint integrated probabilistic data association:
-    JIPDA", and Williams (2015), "Marginal multi-Bernoulli filters", equations 36 to 52, with the same components.
+    Source: Fortmann, Bar-Shalom and Scheffe (1983), "Sonar tracking of multiple targets using joint probabilistic data
+    association"; with existence Musicki and Evans (2004), "Joint integrated probabilistic data association: JIPDA", and
+    Williams (2015), "Marginal multi-Bernoulli filters", equations 36 to 52, with the same components.
 
     Args:
         inputs: tracks and detections.
         pairs: gated pairs, sorted by track.
-        existence: ``(2, L)`` predicted probabilities of existence and, given existence, of being visible; None for 1.
+        existence: ``(2, L)`` predicted probabilities of existence and, given existence, of being visible; None if every
+            object exists.
         density: density of detections that stem from no track, ``(N,)`` if it differs between detections.
         compute: engine of the equations.
-        negligible: largest weight of pairs that are left out. The weight is the odds of the pair against leaving both
+        negligible: largest weight of pairs that are left out. A weight is a pair's odds against leaving both
             unassociated. It bounds the pair's association probability; the sum over a cluster bounds the error.
     """
     track, detection = pairs.track, pairs.detection
@@ -134,12 +139,12 @@ def _most_probable(track: Indices, detection: Indices, share: Array, none: Array
 
 
 def best_assignment(row: Indices, column: Indices, weight: Array, group: Indices) -> Indices:
-    """Return the pairs with the largest sum of weights, with each row and each column used at most once.
+    """Return the indices of the pairs with the largest sum of weights; each row and each column is used at most once.
 
     Args:
-        row: ``(P,)`` row of each pair; groups share no numbers.
-        column: ``(P,)`` column of each pair; groups share no numbers.
-        weight: ``(P,)``; a pair of negative weight is never taken.
+        row: ``(P,)`` row of each pair, such as its track; no two groups share a row.
+        column: ``(P,)`` column of each pair, such as its detection; no two groups share a column.
+        weight: weight ``(P,)`` of each pair; a pair of negative weight is never taken.
         group: ``(P,)`` group of each pair.
     """
     rest = (weight > 0.0).nonzero()[0]
@@ -161,7 +166,7 @@ def best_assignment(row: Indices, column: Indices, weight: Array, group: Indices
 
 
 def assigned(row: Indices, column: Indices, weight: Array) -> Mask:
-    """Return ``(P,)`` whether each pair of one group, with positive weight, is in the best assignment."""
+    """Return a mask ``(P,)`` of the pairs in the best assignment of one group of pairs with positive weights."""
     # Only hidden identities need this import, which takes .3 s.
     from scipy.optimize import linear_sum_assignment
 
@@ -178,7 +183,7 @@ def assigned(row: Indices, column: Indices, weight: Array) -> Mask:
 
 
 def naive_assignment(pairs: GatedPairs) -> Indices:
-    """Give each detection, in the order of the list, to the nearest track without a detection."""
+    """Give each detection, in the scan's order, to the nearest track that has none yet; return indices of pairs."""
     taken_tracks, taken_detections, taken = set(), set(), []
     for pair in np.lexsort((pairs.distance, pairs.detection)):
         track, detection = pairs.track[pair], pairs.detection[pair]
@@ -190,7 +195,7 @@ def naive_assignment(pairs: GatedPairs) -> Indices:
 
 
 def same_object_pairs(track: Indices, detection: Indices) -> tuple[Indices, Indices]:
-    """Return the tracks and detections that belong to the same object.
+    """Return the pairs of a track and a detection of the same object and run, as indices.
 
     Args:
         track: ``(L,)`` number of each track's run and object.
@@ -219,14 +224,14 @@ def associated(
     probability: float | Array,
     compute: Compute,
 ) -> Association:
-    """Associate the detections of a scan with the tracks.
+    """Associate the detections of a scan with the tracks, by the method in the options.
 
     Args:
         config: options of the association.
         inputs: tracks and detections; its detection probabilities are corrected in place.
         table: the tracks.
-        origin: ``(2, N)`` numbers of the objects that caused each detection, for the oracle only.
-        probability: P_D of an object in view, ``(L,)`` if it differs.
+        origin: numbers ``(2, N)`` of the objects that caused each detection, for the oracle only.
+        probability: P_D of an object in the field of view, ``(L,)`` if it differs between tracks.
         compute: engine of the equations.
     """
     if config.method == "oracle":
@@ -289,5 +294,5 @@ def _jpda_of_confirmed(
 
 @lru_cache(maxsize=64)
 def gate_threshold(gate: float, components: int) -> float:
-    """Return the squared Mahalanobis distance below which an object's detection lies with probability ``gate``."""
+    """Return the squared Mahalanobis distance that a true detection does not exceed with probability ``gate``."""
     return float(2 * gammaincinv(components / 2, gate))

@@ -38,7 +38,7 @@ MOST_SLOTS = 6
 
 
 class FusedTrackFilter(TrackFilter):
-    """Track filter whose methods are one kernel each."""
+    """Track filter that computes each of its methods by one kernel of the fused engine."""
 
     filter: FusedFilter
 

@@ -16,22 +16,22 @@ from trackbench.filters import Measured, PredictedMeasurement
 
 
 class RunDetections(NamedTuple):
-    """The N detections of a scan of many runs, sorted by run."""
+    """N detections of a scan of many runs, sorted by run, without padding."""
 
     scan: Scan
-    """``measurement`` ``(m, N)``, ``valid`` ``(N,)``, all True."""
+    """Scan with ``measurement`` ``(m, N)`` and ``valid`` ``(N,)``, all True."""
     run: Indices
-    """``(N,)``"""
+    """Run ``(N,)`` of each detection, as an index in the batch of runs."""
     column: Indices
-    """``(N,)`` column of each detection in the scan of its run."""
+    """Column ``(N,)`` of each detection in the scan of its run."""
     first: Indices
-    """``(runs + 1,)`` first detection of each run, then ``N``."""
+    """Index ``(runs + 1,)`` of the first detection of each run, then ``N``."""
 
 
 def run_detections(scan: Scan, as_listed: bool) -> RunDetections:
     """Return the detections of a scan ``(m, D, runs)`` without padding.
 
-    Within a run they are in the order of the list, or sorted by value, so that the order of the list has no effect.
+    Within a run they stay in the scan's order if ``as_listed``, else they are sorted by value.
     """
     column_count, runs = scan.valid.shape
     flat = scan.measurement.reshape(len(scan.measurement), -1)
@@ -52,7 +52,6 @@ TINY = float(np.finfo(float).tiny)
 
 
 def _order(measurement: Array, run: Indices) -> Indices:
-    """Return the order of detections ``(m, N)`` by run, then by value."""
     key = measurement[0]
     if run[-1]:
         # One key for both: the scaled first component is less than 1.
@@ -68,13 +67,13 @@ def _order(measurement: Array, run: Indices) -> Indices:
 def close_pairs(
     mean: Array, reach: Array, run: Indices, value: Array, detections: RunDetections, angular: bool
 ) -> tuple[Indices, Indices]:
-    """Return tracks and detections of the same run, sorted by both, at most the track's reach apart.
+    """Return pairs of a track and a detection of one run, at most the track's ``reach`` apart in one component.
 
     Args:
-        mean: ``(L,)`` component of each track.
-        reach: ``(L,)`` largest distance from each track.
+        mean: ``(L,)`` the component, as predicted for each track.
+        reach: ``(L,)`` largest distance of a detection from each track.
         run: ``(L,)`` run of each track.
-        value: ``(N,)`` component of each detection.
+        value: ``(N,)`` the component of each detection.
         detections: detections of all runs.
         angular: whether the component is an angle.
     """
@@ -95,19 +94,19 @@ def close_pairs(
 
 
 class GatedPairs(NamedTuple):
-    """Pairs of a track and a detection of the same run in its gate, sorted by track and detection."""
+    """Pairs of a track and a detection of its run in its gate, sorted by track, then by detection."""
 
     track: Indices
-    """``(P,)``"""
+    """Index ``(P,)`` of each pair's track."""
     detection: Indices
-    """``(P,)``"""
+    """Index ``(P,)`` of each pair's detection."""
     distance: Array
-    """``(P,)`` squared Mahalanobis distance."""
+    """Squared Mahalanobis distance ``(P,)`` between detection and predicted measurement."""
     log_likelihood: Array
-    """``(P,)`` log-likelihood of the detection if the track's object caused it."""
+    """Log-likelihood ``(P,)`` of the detection if the track's object caused it."""
 
     def select(self, which: Mask) -> GatedPairs:
-        """Return some of the pairs."""
+        """Return the pairs for which the mask is True."""
         return GatedPairs(*map(methodcaller("take", which.nonzero()[0]), self))
 
 
@@ -119,7 +118,7 @@ def gated(
     threshold: float,
     compute: Compute,
 ) -> GatedPairs:
-    """Return the pairs whose squared Mahalanobis distance is at most ``threshold``.
+    """Return the pairs of a track and a detection whose squared Mahalanobis distance is at most ``threshold``.
 
     Args:
         predicted: predicted measurement of each track, ``(m, L)``.
@@ -137,7 +136,7 @@ def gated(
 def with_mode_likelihoods(
     pairs: GatedPairs, predicted: PredictedMeasurement, measured: Measured, prior: Array, compute: Compute = by_numpy
 ) -> GatedPairs:
-    """Return the pairs with the likelihood of the mixture of modes of probabilities ``prior`` ``(M, L)``."""
+    """Return the pairs with likelihoods under the mixture of modes, whose probabilities are ``prior`` ``(M, L)``."""
     of_mode = [_likelihood(mode, measured, pairs.track, pairs.detection, compute)[1] for mode in predicted.modes]
     joint = np.log(prior[:, pairs.track]) + np.stack(of_mode)
     largest = joint.max(axis=0)
@@ -147,7 +146,6 @@ def with_mode_likelihoods(
 def _likelihood(
     predicted: PredictedMeasurement, measured: Measured, track: Indices, detection: Indices, compute: Compute
 ) -> tuple[Array, Array]:
-    """Return ``(P,)`` squared Mahalanobis distance and log-likelihood of each pair."""
     noise = measured.noise if measured.noise.ndim == 2 else measured.noise.take(detection, axis=-1)
     result = compute(
         _distance_equations(measured.angular),
@@ -178,7 +176,7 @@ def _distance_equations(angular: tuple[int, ...]) -> Equations:
 def _in_reach(
     predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
 ) -> tuple[Indices, Indices]:
-    """Return the pairs that are close in one component, a superset of the gated pairs."""
+    """Return pairs as track and detection indices that are close in one component, among them all gated pairs."""
     angular = len(measured.angular) == len(measured.value)
     axis = 0
     while axis in measured.angular and not angular:
@@ -190,7 +188,7 @@ def _in_reach(
 
 
 def in_field_of_view(position: Array, scan: Scan) -> Mask:
-    """Return ``(L,)`` which positions ``(2, L)`` are in the field of view of the sensor."""
+    """Return a mask ``(L,)`` of the positions ``(2, L)`` in the fixed frame that are in the sensor's field of view."""
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
     dx, dy = position[0] - scan.sensor_pose[0], position[1] - scan.sensor_pose[1]
     is_seen: Mask = dx * dx + dy * dy <= view.max_range * view.max_range

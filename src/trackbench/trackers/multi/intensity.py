@@ -23,37 +23,37 @@ UNLIMITED_RANGE = 200.0
 
 
 class View(NamedTuple):
-    """Area covered by a sensor in its latest scan."""
+    """Field of view of a sensor at its latest scan."""
 
     field: FieldOfView
     pose: Array
-    """``(3,)`` or ``(3, runs)`` x m, y m, yaw rad of the sensor."""
+    """Pose of the sensor, ``(3,)`` or ``(3, runs)``: x m, y m, yaw rad in the fixed frame."""
     expected: float | Array
-    """Expected number of objects in the view that no scan has found."""
+    """Expected number of objects in the field of view that no scan has detected."""
 
 
 class Undetected(NamedTuple):
-    """Intensity of objects that no scan has found, uniform over each sensor's view.
+    """Expected number of objects that no scan has detected, uniform over each sensor's field of view.
 
-    A scan reduces the intensity in its own view, and in another sensor's view by their overlap.
+    A scan lowers the number in its own field of view, and in other fields of view by their overlap with it.
     """
 
     unseen: float
-    """Expected number in a view that no scan has covered."""
+    """Expected number of objects in a field of view before its first scan."""
     views: Mapping[str, View]
-    """Latest view of each sensor."""
+    """Latest field of view of each sensor, by the sensor's name."""
 
     def after_time(self, survival: float, born: float) -> Undetected:
-        """Return the intensity after some objects have left and ``born`` objects have come into each view."""
+        """Return the expected numbers after the share ``survival`` has stayed and ``born`` have come into each view."""
         later = {name: view._replace(expected=view.expected * survival + born) for name, view in self.views.items()}
         return Undetected(self.unseen * survival + born, later)
 
     def in_view(self, sensor: str) -> float | Array:
-        """Return the expected number in a sensor's view, ``(runs,)`` if sensors differ between runs."""
+        """Return the expected number of undetected objects in a sensor's view, ``(runs,)`` if runs differ."""
         return self.views[sensor].expected if sensor in self.views else self.unseen
 
     def after_scan(self, scan: Scan, probability: float, half_range_m: float | None = None) -> Undetected:
-        """Return the intensity after a scan with this P_D, halved at a range in m."""
+        """Return the expected numbers after a scan with P_D ``probability``, halved at the range ``half_range_m``."""
         field = scan.field_of_view or FieldOfView(np.pi, np.inf)
         views = {**self.views, scan.sensor: View(field, scan.sensor_pose, self.in_view(scan.sensor))}
         remaining = {}
@@ -68,7 +68,7 @@ class Undetected(NamedTuple):
 def seen_share(view: View, scan: Scan, half_range_m: float | None = None) -> float | Array:
     """Return the share of a view that a scan covers, ``(runs,)`` if sensors differ between runs.
 
-    With ``half_range_m`` (half of the objects are detected at this range) it is the share of detected objects.
+    With ``half_range_m``, the range at which half of the objects are detected, it is the share of detected objects.
     """
     reach = view.field.max_range if np.isfinite(view.field.max_range) else UNLIMITED_RANGE
     poses = np.concatenate([view.pose, scan.sensor_pose]).reshape(6, -1)
@@ -97,11 +97,11 @@ FEWEST_FALSE_ALARMS = 1e-3
 
 
 class Intensity(NamedTuple):
-    """Densities of detections, per unit volume and scan."""
+    """Densities of false alarms and of new objects' detections, per unit volume of the measurement space and scan."""
 
     false_alarms: float
     new_objects: float | Array
-    """Density for objects without a track, ``(N,)`` if it differs between detections."""
+    """Density of detections of objects without a track, ``(N,)`` if it differs between detections."""
 
 
 def intensity(
@@ -112,7 +112,7 @@ def intensity(
     detection: float | Array,
     velocity_sigma: float,
 ) -> Intensity:
-    """Return the densities of false alarms and of objects without a track in a scan.
+    """Return the densities of a scan's detections that are false alarms or stem from objects without a track.
 
     Both are uniform over the field of view, unless the options state a Gaussian for objects without a track. For a
     filter that compares positions, the false alarms are spread over the area of the view.
@@ -121,8 +121,8 @@ def intensity(
         scan: detections, and what the sensor states.
         as_measured: whether the filter compares measurements; else it converts them to positions.
         config: options, which say where objects without a track are expected.
-        undetected: expected number of objects in view that no scan has found, ``(N,)`` if it differs.
-        detection: P_D at each detection, ``(N,)`` if it differs.
+        undetected: expected number of objects in the field of view that no scan has detected; a number or ``(N,)``.
+        detection: P_D, or P_D at each detection ``(N,)``.
         velocity_sigma: standard deviation of an object's velocity, m/s.
     """
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
@@ -143,7 +143,7 @@ def intensity(
 
 @lru_cache(maxsize=64)
 def volumes(kind: str, view: FieldOfView, velocity_sigma: float) -> tuple[float, float]:
-    """Return the volume of the measurement space, in its units, and the area of the field of view, m^2.
+    """Return the volume of the field of view in the measurement space, and its area, m^2.
 
     For range and azimuth the scale factor at half the largest range is exact. If only one component depends on the
     position, a length along or across the line of sight is scaled.
@@ -161,7 +161,7 @@ def volumes(kind: str, view: FieldOfView, velocity_sigma: float) -> tuple[float,
 
 
 def volume_per_area(kind: str, distance: Array, velocity_sigma: float) -> Array:
-    """Return the volume of the measurement space per area of positions, at distances ``(...)`` from the sensor, m.
+    """Return the volume of the measurement space per area of positions at distances ``(...)`` from the sensor, m.
 
     The measurement's derivative scales the area. A component that depends on the velocity contributes the width of its
     distribution, sqrt(2 pi) sigma.
@@ -175,31 +175,31 @@ def volume_per_area(kind: str, distance: Array, velocity_sigma: float) -> Array:
 
 @dataclass(frozen=True)
 class Detectability:
-    """Detection probabilities that a tracker assumes."""
+    """Detection probabilities that a tracker assumes for each sensor."""
 
     overrides: Mapping[str, float]
-    """P_D by sensor, in place of the stated one."""
+    """Assumed P_D by the sensor's name, in place of the stated one."""
     assumed: AssumedSensors
 
     def stated(self, scan: Scan) -> float:
-        """Return the P_D of an object in view, at close range."""
+        """Return the P_D at close range of an object in the field of view: assumed, else as the sensor states it."""
         stated = 1.0 if scan.detection_probability is None else scan.detection_probability
         return self.overrides.get(scan.sensor, stated)
 
     def half_range_m(self, scan: Scan) -> float | None:
-        """Return the range at which half of the detectable objects are detected, m: assumed or stated."""
+        """Return the range, m, at which P_D has fallen to half: assumed, else as the sensor states it."""
         signal = self.assumed.signal(scan.sensor) if self.assumed.effects else None
         return scan.half_range_m if signal is None else signal.half_range_m
 
     def probabilities(
         self, filter: Filter[Any], belief: AnyBelief, at_tracks: Scan, scan: Scan
     ) -> tuple[float | Array, float | Array]:
-        """Return the P_D in view at each track ``(L,)`` and at each detection ``(N,)``.
+        """Return the P_D at each track ``(L,)`` and at each detection ``(N,)``, as if all were in the field of view.
 
         Args:
-            filter: filter of the beliefs.
+            filter: filter that made the beliefs.
             belief: belief of the tracks.
-            at_tracks: the scan with the sensor of each track.
+            at_tracks: scan with the sensor's pose for each track, whose run may have a pose of its own.
             scan: scan with the detections.
         """
         stated, half_range_m = float(self.stated(scan)), self.half_range_m(scan)

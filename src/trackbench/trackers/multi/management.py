@@ -18,16 +18,16 @@ from trackbench.trackers.multi.table import NONE, TrackFilter, TrackTable, empty
 
 
 class ScanEvidence(NamedTuple):
-    """Evidence of a scan for each track."""
+    """Evidence of one scan on the existence of each track's object."""
 
     hit: Mask
-    """``(L,)`` True for a track with a detection."""
+    """Mask ``(L,)``, True for a track with a detection in the scan."""
     in_view: Mask
-    """``(L,)`` True for a track that should have a detection."""
+    """Mask ``(L,)``, True for a track whose object the scan could have detected."""
     log_ratio: Array
-    """``(L,)`` log-likelihood ratio of an object to false alarms alone."""
+    """Log-likelihood ratio ``(L,)`` of the scan's detections with the track's object to false alarms alone."""
     existence: Array | None
-    """``(2, L)`` probabilities of existence and, given existence, of being visible; None without existence."""
+    """Probabilities ``(2, L)`` of existence and, given existence, of being visible; None for a method without them."""
 
 
 #: Score at which ``confirm: score`` confirms a track, and drop from its largest score that deletes it.
@@ -41,29 +41,29 @@ EXISTS, VISIBLE, DETECTIONS, SCANS, SCORE, LARGEST_SCORE = range(6)
 
 @dataclass(frozen=True)
 class TrackLogic:
-    """Rule that confirms and deletes tracks by their evidence ``(6, L)``.
+    """Rule that confirms and deletes tracks by their evidence ``(6, L)``, the rows that ``first_evidence`` begins.
 
-    M of N: M detections in the first N scans confirm; a tentative track that can no longer have them is deleted.
-    Score: the log-likelihood ratio of object and false alarms confirms, and deletes when it falls; Blackman and Popoli
-    (1999), "Design and Analysis of Modern Tracking Systems", section 6.2. Existence probability: Musicki, Evans and
-    Stankovic (1994), "Integrated probabilistic data association", Markov chain two.
+    M of N: M detections in the first N scans confirm; a tentative track that can no longer have them is deleted. Score:
+    the log-likelihood ratio of object and false alarms confirms, and deletes when it falls; Blackman and Popoli (1999),
+    "Design and Analysis of Modern Tracking Systems", section 6.2. Existence probability: Musicki, Evans and Stankovic
+    (1994), "Integrated probabilistic data association", Markov chain two.
     """
 
     rule: tuple[int, int] | Literal["score", "existence"]
     has_existence: bool
-    """Whether the method has existence probabilities; a small one deletes a track."""
+    """Whether the association computes existence probabilities; then a small one deletes a track."""
     confirming: float
-    """Existence probability at which a track is confirmed."""
+    """Existence probability from which a track is confirmed."""
     deleting: float
     """Existence probability below which a track is deleted."""
     lifetime_s: float
-    """Mean time that an object stays, s."""
+    """Mean time for which an object stays in the scene, s."""
     hides: float
-    """Rate at which visible objects hide, 1/s."""
+    """Rate at which a visible object becomes hidden, 1/s."""
 
     @classmethod
     def of(cls, config: AssociateConfig) -> TrackLogic:
-        """Return the rule of the options."""
+        """Return the rule that a tracker's options state."""
         rule = config.confirms_by
         hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
         return cls(
@@ -76,7 +76,7 @@ class TrackLogic:
         )
 
     def first_evidence(self, count: int, existence: Array | None) -> Array:
-        """Return the evidence of tracks that begin with a detection."""
+        """Return the first evidence of ``count`` tracks that each begin with a detection."""
         evidence = np.zeros((6, count))
         evidence[:SCORE] = 1.0
         if existence is not None:
@@ -84,7 +84,7 @@ class TrackLogic:
         return evidence
 
     def after_time(self, evidence: Array, elapsed: float) -> Array:
-        """Return the evidence after some seconds, for a method with existence probabilities."""
+        """Return the evidence ``elapsed`` seconds later, for a method with existence probabilities."""
         rate, later = self.hides + 1.0 / HIDDEN_S, evidence.copy()
         limit = 1.0 / HIDDEN_S / rate
         later[EXISTS] = evidence[EXISTS] * np.exp(-elapsed / self.lifetime_s)
@@ -92,7 +92,7 @@ class TrackLogic:
         return later
 
     def after_scan(self, evidence: Array, judged: ScanEvidence) -> Array:
-        """Return the evidence after a scan."""
+        """Return the evidence of each track after what a scan says on it."""
         existence = evidence[:DETECTIONS] if judged.existence is None else judged.existence
         counts = evidence[DETECTIONS] + judged.hit, evidence[SCANS] + judged.in_view
         scores = evidence[SCORE], evidence[LARGEST_SCORE]
@@ -102,7 +102,7 @@ class TrackLogic:
         return linalg.vector([existence[EXISTS], existence[VISIBLE], *counts, *scores])
 
     def confirms(self, evidence: Array) -> Mask:
-        """Return ``(L,)`` which tracks are confirmed and get an id."""
+        """Return a mask ``(L,)`` of the tracks that are confirmed and get an id."""
         if self.rule == "score":
             return np.asarray(evidence[SCORE] >= CONFIRMING_SCORE)
         if self.rule == "existence":
@@ -110,7 +110,7 @@ class TrackLogic:
         return np.asarray(evidence[DETECTIONS] >= self.rule[0])
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        """Return ``(L,)`` which tracks end."""
+        """Return a mask ``(L,)`` of the tracks that end."""
         is_ending: Mask = evidence[EXISTS] < (self.deleting if self.has_existence else 0.0)
         if self.rule == "score":
             is_ending = is_ending | (evidence[SCORE] <= evidence[LARGEST_SCORE] - SCORE_DROP)
@@ -121,9 +121,9 @@ class TrackLogic:
 
 
 def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
-    """Return equations of a scan's effect on evidence, time of the latest detection and end of tracks.
+    """Return equations that update evidence and time of latest detection with a scan, and say which tracks end.
 
-    A track also ends ``silent_s`` after its latest detection. ``existence``: whether the method has existence.
+    A track also ends ``silent_s`` after its latest detection. ``existence``: whether tracks have such a probability.
     """
 
     def function(values: Values) -> Values:
@@ -142,7 +142,7 @@ def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
 
 @dataclass(frozen=True)
 class TrackManager:
-    """Beginning and end of tracks after the association of a scan."""
+    """Rule that begins and ends tracks after the detections of a scan have been associated."""
 
     associate: AssociateConfig
     filter: TrackFilter
@@ -150,7 +150,7 @@ class TrackManager:
 
     @cached_property
     def logic(self) -> TrackLogic:
-        """Rule that confirms and deletes tracks."""
+        """Rule that confirms and deletes tracks, as the tracker's options state it."""
         return TrackLogic.of(self.associate)
 
     @cached_property
@@ -162,7 +162,7 @@ class TrackManager:
         return empty(self.filter.filter, len(self.logic.first_evidence(0, None)))
 
     def after_scan(self, before: TrackTable, result: Association, inputs: AssociationInput) -> tuple[TrackTable, Mask]:
-        """Return the tracks after the scan, and which of them end."""
+        """Return the tracks after the scan, and a mask of those that end with it."""
         hit, confirmed, scan = result.detection != NONE, before.id != NONE, inputs.detections.scan
         values = {
             "evidence": before.evidence,
@@ -182,7 +182,7 @@ class TrackManager:
         return TrackTable(before.run, before.id, result.belief, seen, evidence, used, before.origin), ends
 
     def new_tracks(self, inputs: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
-        """Return a track for each detection that probably stems from no track; None without any."""
+        """Return a track for each detection that probably stems from no existing track; None if there is none."""
         config, scan = self.associate, inputs.detections.scan
         existence: Array | None = None
         if config.method in COUNTING:

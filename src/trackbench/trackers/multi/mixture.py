@@ -32,14 +32,14 @@ def marginals(
     max_cluster: int,
     compute: Compute = by_numpy,
 ) -> Array:
-    """Return ``(P,)`` the association probability of each pair.
+    """Return the association probability of each pair of a track and a detection, ``(P,)``.
 
     Args:
         track: ``(P,)`` track of each pair, ascending.
         detection: ``(P,)`` detection of each pair.
         weight: ``(P,)`` odds of the pair against leaving both unassociated.
         sizes: number of tracks and number of detections.
-        max_cluster: size above which a cluster of competing pairs is left to belief propagation.
+        max_cluster: size above which a cluster of competing pairs is computed approximately, by belief propagation.
         compute: engine of the equations.
     """
     tracks, detections = sizes
@@ -80,10 +80,10 @@ def _in_clusters(
 
 
 def enumeration(weight: Array) -> Array:
-    """Return exact association probabilities ``(T, D, ...)`` of clusters with the weights ``(T, D, ...)``.
+    """Return exact association probabilities ``(T, D, ...)`` of clusters of T tracks and D detections.
 
-    The sum over all associations is built track by track. For each set of used detections it stores one partial sum:
-    ``T 2^D`` terms instead of one for each association.
+    ``weight`` is each pair's odds against leaving both unassociated. Associations are summed track by track, with one
+    partial sum for each set of used detections: ``T 2^D`` terms instead of one for each association.
     """
     if len(weight) < weight.shape[1]:
         return np.swapaxes(enumeration(np.swapaxes(weight, 0, 1)), 0, 1)
@@ -119,7 +119,7 @@ def belief_propagation(
 ) -> Array:
     """Return approximate association probabilities ``(P,)`` by loopy belief propagation.
 
-    Arguments as in ``marginals``; ``cluster`` is ``(P,)`` the number of each pair's cluster.
+    The arguments are those of :func:`marginals`; ``cluster`` ``(P,)`` is the number of each pair's cluster.
 
     Source: Williams and Lau (2014), "Approximate evaluation of marginal association probabilities with belief
     propagation", algorithm 1.
@@ -145,7 +145,7 @@ def belief_propagation(
 
 
 def _with_detection(detections: int, state: int) -> list[tuple[slice | int, ...]]:
-    """Return the index that selects, for each detection, the sets with it free (0) or used (1)."""
+    """Return for each detection the index of the sets of used detections in which it is free (0) or used (1)."""
     return [(slice(None),) * d + (state,) for d in range(detections)]
 
 
@@ -156,7 +156,7 @@ ENUMERATION = Equations(
 
 
 def _clusters(track: Indices, detection: Indices, sizes: tuple[int, int]) -> tuple[Indices, Indices]:
-    """Return the cluster of each track and detection: its least pair number; the number of pairs for no cluster."""
+    """Return the cluster of each track and detection: its least pair index; the number of pairs for no cluster."""
     label = np.arange(len(track))
     result = np.full(sizes[0], len(track)), np.full(sizes[1], len(track))
     while True:
@@ -169,7 +169,7 @@ def _clusters(track: Indices, detection: Indices, sizes: tuple[int, int]) -> tup
 
 
 def _ranks(cluster: Indices, pairs: int) -> tuple[Indices, Indices]:
-    """Return the position of each entry within its cluster, and the size of each cluster."""
+    """Return the position of each track (or detection) within its cluster, and their number in each cluster."""
     order = np.argsort(cluster, kind="stable")
     counts = np.bincount(cluster, minlength=pairs + 1)
     rank = np.empty_like(cluster)
@@ -180,15 +180,15 @@ def _ranks(cluster: Indices, pairs: int) -> tuple[Indices, Indices]:
 def mix_pairs(
     motions: Sequence[MotionModel], before: AnyBelief, updated: AnyBelief, track: Indices, share: Array, miss: Array
 ) -> AnyBelief:
-    """Return each track's mixture of its prediction and its updates, given side by side as pairs.
+    """Return for each track the mixture of its prediction and of its updates, one update for each pair.
 
     Args:
         motions: motion models of the filter.
-        before: ``(n, L)`` predictions.
-        updated: ``(n, P)`` updates of each pair of a track and a detection; at least one.
+        before: predicted beliefs ``(n, L)``.
+        updated: updated beliefs ``(n, P)``, one for each pair of a track and a detection; at least one.
         track: ``(P,)`` track of each pair, ascending.
-        share: ``(P,)`` probability of each pair.
-        miss: ``(L,)`` probability of no detection.
+        share: association probability ``(P,)`` of each pair.
+        miss: probability ``(L,)`` that a track has no detection.
     """
     begins = np.flatnonzero(np.diff(track, prepend=-1))
     own = track[begins]
@@ -219,14 +219,14 @@ def mix_pairs(
 def mix_slots(
     motions: Sequence[MotionModel], before: AnyBelief, updated: Sequence[AnyBelief], share: Sequence[Array], miss: Array
 ) -> AnyBelief:
-    """Return each track's mixture of its prediction and its updates, with as many updates for every track.
+    """Return for each track the mixture of its prediction and of its updates, equally many for every track.
 
     Args:
         motions: motion models of the filter.
-        before: ``(n, ...)`` predictions.
-        updated: ``(n, ...)`` updates with each detection.
-        share: ``(...)`` probability of each update.
-        miss: ``(...)`` probability of no detection.
+        before: predicted beliefs ``(n, ...)``.
+        updated: updated beliefs ``(n, ...)``, one for each detection.
+        share: association probability ``(...)`` of each update.
+        miss: probability ``(...)`` that a track has no detection.
     """
 
     def one_model(
@@ -259,13 +259,12 @@ def mix_slots(
 
 
 def _parts(angular: tuple[int, ...], mean: Array, updated: Belief, share: Array) -> tuple[Array, Array]:
-    """Return what an update adds to the first and second moments about the prediction."""
     offset = difference(updated.mean, mean, angular)
     return share * offset, share * (updated.covariance + offset[:, None] * offset[None])
 
 
 def _mixed(angular: tuple[int, ...], before: Belief, shift: Array, spread: Array, miss: Array) -> Belief:
-    """Return the Gaussian with these moments about the prediction.
+    """Return the belief with mean ``shift`` and second moment ``spread`` about the prediction ``before``.
 
     With one gain for all detections, its covariance is the textbook one with the spread of the innovations.
     """

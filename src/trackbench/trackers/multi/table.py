@@ -30,25 +30,25 @@ NONE = -1
 
 
 class TrackTable(NamedTuple):
-    """The L tracks of all runs; within a run in the order in which they began."""
+    """L tracks of all runs side by side; within a run in the order in which they began."""
 
     run: Indices
-    """``(L,)``"""
+    """Run ``(L,)`` of each track, as an index in the batch of runs."""
     id: Indices
-    """``(L,)`` id of a confirmed track, counted from 0 in each run; -1 for a tentative track."""
+    """Number ``(L,)`` of a confirmed track, counted from 0 in each run; -1 for a tentative track."""
     belief: AnyBelief
-    """Belief of L members, without intermediate results for reuse."""
+    """Beliefs of the L tracks, without Cholesky factors and sigma points."""
     seen: Array
-    """``(L,)`` time of the latest detection, s."""
+    """Time ``(L,)`` of each track's latest detection, s."""
     evidence: Array
-    """``(k, L)`` evidence for each track; ``management`` defines its rows."""
+    """Evidence ``(k, L)`` on which a rule confirms and deletes tracks; the rule in ``management`` defines its rows."""
     used: Indices
-    """``(L,)`` column of the detection used from the latest scan; -1 for none."""
+    """Column ``(L,)`` in the latest scan of the detection used for each track; -1 for none."""
     origin: Indices
-    """``(L,)`` number of the object that started the track, known to the oracle only; else -1."""
+    """Number ``(L,)`` of the object that started each track, known to the oracle association only; else -1."""
 
     def select(self, which: Mask | Indices) -> TrackTable:
-        """Return some of the tracks."""
+        """Return the tracks that ``which`` selects, as a mask or as indices."""
         index = which.nonzero()[0] if which.dtype == bool else which
         run, id, belief, *rest = self
         parts = map(methodcaller("take", index, -1), (run, id, *rest))
@@ -56,7 +56,7 @@ class TrackTable(NamedTuple):
 
 
 def empty(filter: Filter[Any], evidence: int) -> TrackTable:
-    """Return a table without tracks, with ``evidence`` rows of evidence."""
+    """Return a table with no tracks, for ``evidence`` rows of evidence."""
     none = np.zeros(0, dtype=np.intp)
 
     def nothing(motion: MotionModel) -> Gaussian:
@@ -67,7 +67,7 @@ def empty(filter: Filter[Any], evidence: int) -> TrackTable:
 
 
 def with_new_tracks(table: TrackTable, is_kept: Mask, new: TrackTable | None) -> TrackTable:
-    """Return the table with the kept tracks ``(L,)``, followed by new ones."""
+    """Return the tracks for which ``is_kept`` ``(L,)`` is True, followed by the ``new`` ones."""
     table = table if is_kept.all() else table.select(is_kept)
     if new is None:
         return table
@@ -78,19 +78,19 @@ def with_new_tracks(table: TrackTable, is_kept: Mask, new: TrackTable | None) ->
 
 
 def sorted_by_run(which: Indices, run: Indices) -> Indices:
-    """Return some tracks sorted by run, in unchanged order within a run; ``run`` is the run of every track."""
+    """Return track indices sorted by run, in unchanged order within a run; ``run`` is the run of every track."""
     selected_run = run.take(which)
     return which if (selected_run[1:] >= selected_run[:-1]).all() else which[selected_run.argsort(kind="stable")]
 
 
 def rank_in_run(run: Indices, runs: int) -> Indices:
-    """Return the position of each entry within its run, for ascending runs ``(...)``."""
+    """Return the position of each entry within its run, for entries in ascending order of ``run`` ``(...)``."""
     counts = np.bincount(run, minlength=runs)
     return np.arange(len(run)) - (np.cumsum(counts) - counts)[run]
 
 
 def with_ids(table: TrackTable, is_confirmed: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
-    """Return the table with ids for newly confirmed tracks, and the next id of each run ``(runs,)``."""
+    """Give an id to each newly confirmed track; return the table, and the next free id of each run ``(runs,)``."""
     new = (is_confirmed & (table.id == NONE)).nonzero()[0]
     if not len(new):
         return table, next_id
@@ -103,12 +103,12 @@ def with_ids(table: TrackTable, is_confirmed: Mask, next_id: Indices) -> tuple[T
 def reported_tracks(
     table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int, least_existence: float = 0.0
 ) -> Tracks:
-    """Return the confirmed tracks with enough existence as padded arrays with a last axis of runs.
+    """Return the confirmed tracks with enough existence, as arrays padded along a last axis of runs.
 
     Args:
         table: all tracks.
         filter: filter of the tracks.
-        existence: ``(L,)`` existence probability, if the tracker has it.
+        existence: existence probability ``(L,)``; None if the tracker computes none.
         runs: number of runs.
         least_existence: least existence probability of a reported track.
     """
@@ -136,13 +136,13 @@ def reported_tracks(
 
 
 class PredictedTracks(NamedTuple):
-    """Tracks at the time of a scan, with their predicted measurements."""
+    """Tracks predicted to the time of a scan, with their predicted measurements."""
 
     belief: AnyBelief
-    """Predicted belief, with intermediate results for reuse in the update."""
+    """Predicted beliefs, with factors and sigma points that the update can reuse."""
     measurement: PredictedMeasurement
     in_view: Mask
-    """``(...)`` True for tracks in the field of view of the sensor."""
+    """Mask ``(...)``, True for tracks in the field of view of the scan's sensor."""
 
 
 class TrackFilter:
@@ -153,19 +153,19 @@ class TrackFilter:
         self.initial = initial
 
     def measured(self, scan: Scan) -> Measured:
-        """Return the detections in the space in which the filter compares them with predictions."""
+        """Return the detections in the space in which the filter compares them with predicted measurements."""
         return self.filter.measured(scan)
 
     def begin(self, scan: Scan) -> AnyBelief:
-        """Return the first beliefs ``(n, N)``, one from each detection alone."""
+        """Return the first beliefs ``(n, N)`` of tracks, one from each detection alone."""
         return first_beliefs(self.filter, self.initial, scan)
 
     def expect(self, belief: AnyBelief, dt: float, scan: Scan) -> PredictedTracks:
-        """Return the tracks predicted to a scan ``dt`` seconds later, without use of its detections."""
+        """Return the tracks predicted to a scan ``dt`` seconds later; the scan's detections are not used."""
         return predicted_tracks(self.filter, self.filter.predict(belief, dt), scan)
 
     def after(self, tracks: PredictedTracks, scan: Scan, track: Indices, detection: Indices) -> AnyBelief:
-        """Return the belief of each pair ``(P,)``: the track updated with the detection."""
+        """Return the belief of each pair ``(P,)``: its track updated with its detection."""
         predicted = selected_prediction(tracks.measurement, track)
         part = tracks._replace(belief=select(tracks.belief, track), measurement=predicted)
         return self._updated(part, selected_detections(scan, detection))
@@ -175,22 +175,22 @@ class TrackFilter:
         return result
 
     def updated_tracks(self, tracks: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
-        """Return the L tracks updated with their detection ``(L,)``; unchanged where that is negative."""
+        """Return the L tracks, each updated with the detection at its index ``(L,)``; unchanged if it is negative."""
         belief, track = compact(tracks.belief), np.flatnonzero(detection >= 0)
         return with_members(belief, track, self.after(tracks, scan, track, detection[track])) if len(track) else belief
 
     def mixture(
         self, tracks: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, missed: Array
     ) -> AnyBelief:
-        """Return each track's mixture of the prediction and of the updates with its possible detections.
+        """Return for each track the mixture of its prediction and of the updates with its possible detections.
 
         Args:
             tracks: the L predicted tracks.
             scan: scan with N valid detections.
             track: ``(P,)`` track of each pair, ascending.
             detection: ``(P,)`` detection of each pair.
-            share: ``(P,)`` association probability of each pair.
-            missed: ``(L,)`` probability of no detection.
+            share: association probability ``(P,)`` of each pair.
+            missed: probability ``(L,)`` that a track has no detection.
         """
         before = compact(tracks.belief)
         if not len(track):
@@ -199,19 +199,19 @@ class TrackFilter:
 
 
 def first_beliefs(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> AnyBelief:
-    """Return the first belief of each detection of a scan alone."""
+    """Return the first belief of a track from each detection of a scan alone."""
     result: AnyBelief = filter.begin(lambda motion: first_measurement(motion, initial, scan))
     return result
 
 
 def predicted_tracks(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTracks:
-    """Return beliefs at the time of a scan with their predicted measurements."""
+    """Return tracks whose beliefs are at the time of a scan, with their predicted measurements."""
     in_view = in_field_of_view(filter.cartesian(belief).mean[:2], scan)
     return PredictedTracks(belief, filter.predict_measurement(belief, scan), in_view)
 
 
 def selected_detections(scan: Scan, which: Indices, valid: Mask | None = None) -> Scan:
-    """Return some detections of a scan, possibly repeated; ``valid`` replaces their validity."""
+    """Return the detections of a scan at the indices ``which``, possibly repeated; ``valid`` replaces their mask."""
     noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance.take(which, axis=-1)
     values = {"measurement": scan.measurement.take(which, axis=1), "noise_covariance": noise}
     return with_sensor_of(scan, which, valid=scan.valid.take(which) if valid is None else valid, **values)

@@ -32,18 +32,18 @@ from trackbench.trackers.multi.table import (
 
 
 class MultiObjectState(NamedTuple):
-    """State of a multi-object tracker after a scan."""
+    """Tracks of a multi-object tracker after a scan, with all that the next scan needs."""
 
     time: float
-    """Time of the latest scan at which the state advanced, s."""
+    """Time of the latest scan that moved the state in time, s."""
     table: TrackTable
     next_id: Indices
-    """``(runs,)``"""
+    """Next free track id of each run, ``(runs,)``."""
     undetected: Undetected
     expected: AnyBelief | None = None
-    """Beliefs of the tracks, predicted to the latest scan."""
+    """Beliefs of the tracks predicted to the latest scan, before its detections were used."""
     before: TrackTable | None = None
-    """Tracks before the latest scan, with their beliefs at the previous scan."""
+    """Tracks before the latest scan, with their beliefs at the time of the scan before it."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class MultiObjectTracker(BuiltInTracker):
 
     @property
     def wants_origins(self) -> bool:
-        """Whether ``step`` needs the object that caused each detection."""
+        """Whether ``step`` needs ``origins``, the objects that caused each detection."""
         return self.associate.method == "oracle"
 
     @cached_property
@@ -88,7 +88,7 @@ class MultiObjectTracker(BuiltInTracker):
         A scan that is older than the state is dropped; the tracks then refer to the state's time.
 
         Args:
-            state: None at first.
+            state: state after the previous scan; None at the first scan.
             scan: scan of one run (``measurement`` ``(m, D)``) or of many runs (``(m, D, runs)``).
             origins: ``(2, D)`` or ``(2, D, runs)`` numbers of the object that caused each detection, and of a second
                 object merged with it; negative for none. For the oracle only.
@@ -161,7 +161,7 @@ class MultiObjectTracker(BuiltInTracker):
         return later, self._tracks(table, len(later.next_id))
 
     def predicted(self, state: MultiObjectState, run: int) -> Tracks:
-        """Return the tracks of one run, ``(K,)``, predicted to the latest scan, before its detections."""
+        """Return the K tracks of one run predicted to the latest scan, before its detections are used."""
         assert state.before is not None
         assert state.expected is not None
         table = state.before._replace(belief=compact(state.expected)).select(state.before.run == run)
@@ -170,7 +170,6 @@ class MultiObjectTracker(BuiltInTracker):
         )
 
     def _at(self, state: MultiObjectState, time: float) -> MultiObjectState:
-        """Return the state at a later time, with beliefs unchanged."""
         elapsed, table, config = time - state.time, state.table, self.associate
         undetected = state.undetected
         if config.method in EXISTENCE:
@@ -191,7 +190,7 @@ def _single_run(tracks: Tracks) -> Tracks:
 
 
 def build_multi(config: FilterConfig) -> LateScans:
-    """Return the multi-object tracker of a scenario's ``filter:`` entry with ``associate:``."""
+    """Return the multi-object tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
     assert config.associate is not None
     tracker = MultiObjectTracker(filter_of(config), config.initial, associate=config.associate, **config.scan_options)
     return LateScans(tracker, config.late, config.lag_s)

@@ -1,4 +1,4 @@
-"""Options of a recording's rows: names and units of columns, and which rows are scored."""
+"""Options of a recording's tables: names and units of columns, and which parts of the truth are scored."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Units(Config):
     angle: Literal["rad", "deg"] = Field("rad", description="Unit of angles, and per second of turn rates.")
 
     def factor(self, quantity: str | None, own_unit: str | None) -> float:
-        """Return the factor to SI units for a quantity; ``own_unit`` is the column's own unit, if stated."""
+        """Return the factor to SI units from a column's own unit, or from the unit of all columns of the quantity."""
         units = {**dict(self), "size": self.length}
         return 1.0 if quantity not in units else UNITS[quantity][own_unit or units[quantity]]
 
@@ -55,8 +55,8 @@ def unit_problems(units: Mapping[str, str], quantities: Mapping[str, str | None]
     """Yield what is wrong with the units of single columns.
 
     Args:
-        units: units by key of the column.
-        quantities: quantity of each given column, by key.
+        units: unit by key of the column, such as ``{"yaw": "deg"}``.
+        quantities: quantity (length, angle and so on) of each given column, by key; None if it has no unit.
     """
     for key, unit in units.items():
         quantity = quantities.get(key)
@@ -71,7 +71,7 @@ def unit_problems(units: Mapping[str, str], quantities: Mapping[str, str | None]
 
 
 class MotionColumns(Config):
-    """Columns shared by the truth and the observer."""
+    """Names of the columns with position and velocity, which truth and observer share."""
 
     px: str = Field(description="Position along x in the fixed frame.")
     py: str = Field(description="Position along y in the fixed frame.")
@@ -82,7 +82,7 @@ class MotionColumns(Config):
 
     @property
     def stated(self) -> dict[str, str]:
-        """Given columns by key."""
+        """Names of the given columns, by key."""
         return {key: value for key, value in self if key in MOTION_QUANTITIES and value is not None}
 
     @property
@@ -91,7 +91,7 @@ class MotionColumns(Config):
         return all(getattr(self, key) is None for pair in VELOCITY for key in pair)
 
     def velocity_problems(self) -> Iterator[Problem]:
-        """Yield what is wrong with the columns of the velocity."""
+        """Yield a problem if the velocity is given twice or only half."""
         pairs = [pair for pair in VELOCITY if any(getattr(self, key) is not None for key in pair)]
         if len(pairs) > 1:
             yield Problem((), "the velocity is given twice: write vx and vy, or speed and course")
@@ -181,16 +181,16 @@ class MeasurementColumns(Config):
 
     @property
     def components(self) -> dict[str, str]:
-        """Column of each given component of the measurement."""
+        """Name of the column of each given component of the measurement, by component."""
         return dict(self.__pydantic_extra__)
 
     def of_sensor(self, components: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the sensor's components in the file; a radar's position may be given as x and y."""
+        """Return the components that the file has: the sensor's, or x and y for a radar's range and azimuth."""
         cartesian = components[:2] == POLAR and any(name in self.components for name in CARTESIAN)
         return (*CARTESIAN, *components[2:]) if cartesian else components
 
     def quantities(self, components: tuple[str, ...], units: tuple[str, ...]) -> dict[str, str | None]:
-        """Return the quantity of each component in the file; None for a component read without conversion."""
+        """Return the quantity (length, angle and so on) of each component in the file; None if it is not converted."""
         names = self.of_sensor(components)
         component_units = units if names == components else ("m", "m", *units[2:])
         return {name: COMPONENT_QUANTITIES.get(unit) for name, unit in zip(names, component_units, strict=True)}
@@ -224,5 +224,5 @@ class ReferenceOptions(Config):
 
     @property
     def of_tracks(self) -> list[str]:
-        """Given keys that restrict what is scored."""
+        """Names of the given options that restrict what is scored."""
         return [key for key in ("range_m", "classes", "others") if getattr(self, key)]

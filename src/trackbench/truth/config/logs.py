@@ -41,8 +41,8 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
     """Return the file that a scenario names.
 
     Args:
-        path: file of one log, as in the scenario; environment variables are filled in.
-        folder: folder of the scenario, where a relative path starts; then the working directory.
+        path: path of one log in the scenario; environment variables are replaced by their values.
+        folder: folder of the scenario, where a relative path is looked up before the working directory.
         key: key of the scenario, for error messages.
 
     Raises:
@@ -70,7 +70,7 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
 
 
 def log_names(paths: Sequence[str]) -> list[str]:
-    """Return names that tell several logs apart: the parts of their paths that differ, without the ending."""
+    """Return a distinct name for each log: the part of its path that differs from the others, without ending."""
     parts = [Path(path).with_suffix("").parts for path in paths]
     first, last = _common_parts(parts), _common_parts([part[::-1] for part in parts])
     names = ["/".join(part[first : len(part) - last]) for part in parts]

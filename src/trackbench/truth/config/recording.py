@@ -47,7 +47,7 @@ TABLES = ("csv", "parquet")
 
 
 class ReferenceTruth(TruthSource):
-    """Recorded reference boxes as ground truth."""
+    """Truth source of recorded reference boxes."""
 
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
     length_m: Positive = Field(4.5, description="Length of every object of which the file does not state it, m.")
@@ -114,12 +114,12 @@ class RecordingOptions(ReferenceTruth):
         return self._with(_hidden=True)
 
     def every_second(self, first: int) -> Self:
-        """Return the recording with every second log, or stretch of a log, starting with number ``first``."""
+        """Return the recording with every second log or stretch, starting with the one of index ``first``."""
         return self._with(_every=slice(first, None, 2))
 
     @property
     def number_of_logs(self) -> int:
-        """Number of logs; each has a file of each kind."""
+        """Number of logs; each has one file of the truth, the observer and each sensor."""
         return max((len(path) for path in self._paths().values() if isinstance(path, list)), default=1)
 
     def scenes(self) -> Sequence[Self]:
@@ -144,7 +144,7 @@ class RecordingOptions(ReferenceTruth):
         return result
 
     def _paths(self) -> dict[KeyPath, str | list[str]]:
-        """Return all given paths by key; the truth's path comes first."""
+        """Return all given paths by the key that holds them; the truth's path comes first."""
         entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None] = {
             (): self,
             **{("readings", name): entry for name, entry in self.measurements.items()},
@@ -178,14 +178,14 @@ class RecordingOptions(ReferenceTruth):
                     yield Problem((*key, index), f"{file} is there already; each log is another file")
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
-        """Return the sensors, among those given by name with their kinds, with recorded measurements."""
+        """Return each sensor in ``kinds`` (its kind, by name) for which the files have measurements."""
         if self.format == "udacity":
             return {name: kind for name, kind in kinds.items() if sensor_type(kind) in ("lidar", "radar")}
         return {name: kind for name, kind in kinds.items() if name in self.measurements}
 
     @property
     def without_truth(self) -> bool:
-        """Whether the recording has measurements only."""
+        """Whether the recording has measurements but no motion of objects."""
         return self.path is None
 
     def problems(self) -> Iterator[Problem]:

@@ -1,4 +1,4 @@
-"""Options of scripted motion, written piece by piece."""
+"""Options of scripted motion, a sequence of pieces for each body."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Piece(Config):
 
     @property
     def acceleration_sigma(self) -> float | None:
-        """Standard deviation of white acceleration, m/s^2; 0 for steady motion, None for other noise."""
+        """Standard deviation of white acceleration, m/s^2; 0 for steady motion; None for any other motion."""
         if self.white is not None:
             motion = self.white.motion
             return motion.acceleration_sigma_mps2 if isinstance(motion, ConstantVelocity) else None

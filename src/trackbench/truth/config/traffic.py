@@ -33,7 +33,7 @@ Vehicle = Annotated[str, Field(min_length=1)]
 
 
 def files_in(path: str | list[str]) -> list[str]:
-    """Return the files of a key that names one file or several."""
+    """Return the value of a key with one path or several as a list."""
     return [path] if isinstance(path, str) else path
 
 
@@ -156,7 +156,7 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     @property
     def has_observer(self) -> bool:
-        """Whether the sensors' place is known: stated, or the origin of the format."""
+        """Whether the position of the sensors is known: stated, or the origin of the format's frame."""
         return self.format.from_sensor or "observer" in self.model_fields_set
 
     def problems(self) -> Iterator[Problem]:
@@ -200,11 +200,11 @@ class TracksConfig(OptionsBeside):
 
     @property
     def sensors(self) -> None:
-        """Names of the tracker's sensors: none."""
+        """Names of the tracker's sensors: None, since another program made the tracks."""
 
     @property
     def sensors_used(self) -> list[str]:
-        """Names of the scenario's sensors that the tracker uses: none."""
+        """Names of the scenario's sensors that the tracker uses: an empty list."""
         return []
 
 
@@ -224,10 +224,10 @@ def format_of(path: str) -> str:
 
 
 def read_tracks(config: TracksConfig, name: str, folder: Path) -> list[TrackRows]:
-    """Return all rows of each file, sorted by time.
+    """Return the rows of each of a tracker's files, sorted by time.
 
     Args:
-        config: the scenario's entry.
+        config: the tracker's entry in the scenario.
         name: name of the tracker.
         folder: folder of the scenario, where a relative path starts.
 

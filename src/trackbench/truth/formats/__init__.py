@@ -1,1 +1,1 @@
-"""Formats of recorded traffic, each a file published under the entry points of ``TRAFFIC_FORMATS``."""
+"""Readers of the file formats of recorded traffic, one module for a format or a family of formats."""

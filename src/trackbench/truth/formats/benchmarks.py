@@ -24,7 +24,7 @@ from trackbench.truth.tracks import TrackRows, TrafficFormat
 
 
 def _read_cells(file: Path, separator: str | None, layout: Sequence[str]) -> Rows:
-    """Read the first cells of all lines that are not empty, as columns "column 1", "column 2" and so on."""
+    """Return the cells of all lines that are not empty, as columns "column 1" and so on; ``layout``: their meanings."""
     lines = [(number, text) for number, text in enumerate(log_text(file).splitlines(), 1) if text.strip()]
     cells = [text.split(separator) for _, text in lines]
     for (number, _), row in zip(lines, cells, strict=True):

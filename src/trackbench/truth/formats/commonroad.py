@@ -51,7 +51,7 @@ def _obstacles(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
 
 
 def _rows(item: ElementTree.Element) -> Iterator[tuple[str, str, tuple[float, ...]]]:
-    """Yield name, class and numbers of each state of an obstacle; none for occupancies instead of a trajectory."""
+    """Yield name, class and row (time, position, motion, size) of each state of an obstacle that has a trajectory."""
     name, kind = (item.get("id") or "").strip(), (item.findtext("type") or "").strip()
     if item.find("trajectory") is None:
         return

@@ -19,7 +19,7 @@ TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.cs
 
 
 class _LevelX(TrafficFormat):
-    """Format shared by the recordings of levelX."""
+    """Common reader of the recordings of levelX."""
 
     endings: ClassVar[tuple[str, ...]] = (TRACKS,)
     id_column: ClassVar[str] = "trackId"

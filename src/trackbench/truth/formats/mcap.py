@@ -33,12 +33,12 @@ Row = dict[str, Any]
 
 
 class Message(NamedTuple):
-    """Message in an MCAP file."""
+    """Encoded message in an MCAP file, with its topic and schema."""
 
     topic: str
     schema: str
     encoding: str
-    """Encoding, such as ``json``."""
+    """Name of the encoding, such as ``json``."""
     data: bytes
 
 
@@ -62,10 +62,10 @@ class Mcap(TrafficFormat):
 
 
 def messages_of(file: Path, schemas: set[str]) -> list[Message]:
-    """Return the messages of some schemas, sorted by log time.
+    """Return the messages whose schema is one of ``schemas``, sorted by log time.
 
     Raises:
-        InputError: the file cannot be read, or the package is missing.
+        InputError: the file cannot be read, or ``trackbench[mcap]`` is not installed.
     """
     try:
         from mcap.reader import make_reader
@@ -84,16 +84,16 @@ def messages_of(file: Path, schemas: set[str]) -> list[Message]:
 
 
 def chosen_topic(topics: Mapping[str, str], schemas: Iterable[str], topic: str | None, file: Path) -> str:
-    """Return the named topic, or the only one.
+    """Return the topic named in the scenario, or else the only topic with tracks.
 
     Args:
-        topics: message type of each topic with tracks.
-        schemas: known message types.
-        topic: name of the topic in the scenario; None for the only topic.
+        topics: message type of each topic with tracks, by the name of the topic.
+        schemas: message types that can be read as tracks.
+        topic: name of the topic in the scenario; None if none is named.
         file: file, for error messages.
 
     Raises:
-        InputError: no topic has tracks, the named one has none, or several have tracks and none is named.
+        InputError: no topic has tracks, the named topic has none, or several have tracks and none is named.
     """
     if topic is not None and topic not in topics:
         raise InputError(f"there is no topic {topic!r} with tracks; {nearest_choices(topic, topics)}", file=file)
@@ -122,13 +122,13 @@ def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message
 
 
 def rows_of_messages(rows: Sequence[Row], file: Path, moved: Collection[str] = ()) -> TrackRows:
-    """Return the rows of messages as a table.
+    """Return rows read from messages as columns, with their time and id.
 
     Args:
-        rows: values by the keys of ``QUANTITIES``, and possibly the frame. A key that some rows lack is not read,
-            except covariance and existence.
+        rows: values of each row by column (time, id, px and so on), and possibly the frame. A column that some rows
+            lack is not read, except covariance and existence.
         file: file, for error messages.
-        moved: frames that are not fixed to the ground.
+        moved: names of the coordinate frames that move over the ground.
 
     Raises:
         InputError: there is no row, a row is damaged, or the rows are in several frames or a moving frame.
@@ -191,12 +191,12 @@ def _boxes_in(message: Any) -> Iterator[Row]:
 
 
 def time_of(seconds: Any, nanoseconds: Any) -> Decimal:
-    """Return the time of a stamp in seconds and nanoseconds, s."""
+    """Return the time, s, of a stamp made of whole seconds and nanoseconds."""
     return Decimal(int(seconds)) + Decimal(int(nanoseconds)).scaleb(-9)
 
 
 def yaw_of(x: float, y: float, z: float, w: float) -> float:
-    """Return the angle of a quaternion about the vertical, rad."""
+    """Return the yaw, rad, of a quaternion: its rotation about the vertical axis."""
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
 
 

@@ -80,7 +80,7 @@ def moving_objects(file: Path, kind: Kind, messages: Iterable[memoryview]) -> Tr
 
 
 def _delimited(content: memoryview, file: Path) -> Iterator[memoryview]:
-    """Yield the messages, each preceded by its length in four bytes, little-endian."""
+    """Yield the messages of a file; each is preceded by its length in four bytes, little-endian."""
     offset = 0
     while offset < len(content):
         size = int.from_bytes(content[offset : offset + 4], "little")
@@ -108,7 +108,7 @@ def _objects(ground_truth: memoryview) -> Iterator[tuple[str, tuple[float, ...],
 
 
 def _vector(message: memoryview, *numbers: int) -> tuple[float, ...]:
-    """Return fields of type double; 0 for a missing field."""
+    """Return the values of the double fields with these numbers; 0 for a missing field."""
     fields = dict(_fields(message))
     if not all(isinstance(fields.get(number, 0.0), float) for number in numbers):
         raise ValueError("a field that is not of its type")
@@ -116,7 +116,7 @@ def _vector(message: memoryview, *numbers: int) -> tuple[float, ...]:
 
 
 def _part(message: memoryview, number: int) -> memoryview:
-    """Return the last message in a field, as the format demands; empty without one."""
+    """Return the last message in the field of this number, as Protocol Buffers demand; empty if there is none."""
     parts = [*_parts(message, number)]
     return parts[-1] if parts else memoryview(b"")
 
@@ -152,7 +152,7 @@ def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
 
 
 def _varint(message: memoryview, offset: int) -> tuple[int, int]:
-    """Return an integer stored in seven bits a byte, and the offset of its end."""
+    """Return the integer that starts at ``offset``, stored in seven bits a byte, and the offset of its end."""
     value = 0
     for shift in range(0, 70, 7):
         byte = message[offset]

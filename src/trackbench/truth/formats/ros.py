@@ -28,7 +28,7 @@ LABELS = {1: "car", 2: "truck", 3: "bus", 4: "trailer", 5: "motorcycle", 6: "bic
 
 
 def _row(name: str, header: Any, pose: Any, size: Any = None, twist: Any = None, **more: Any) -> Row:
-    """Return the row of one object in a message; ``twist`` is in the object's own frame."""
+    """Return position, heading, size and velocity of one object; ``twist`` is in the object's own frame."""
     turn = pose.orientation
     heading = yaw_of(turn.x, turn.y, turn.z, turn.w)
     row: Row = {"time": time_of(header.stamp.sec, header.stamp.nanosec), "frame": header.frame_id, "id": name, **more}

@@ -47,25 +47,25 @@ DEGREES = ("lon", "long", "longitude", "lat", "latitude")
 
 
 class ColumnLayout(NamedTuple):
-    """Columns and units of a table."""
+    """Which column of a table holds which quantity, and in which unit."""
 
     columns: Mapping[str, str]
-    """Column of each key of ``QUANTITIES`` in the table."""
+    """Name of the column in the table, by key: time, id, x, y, heading and so on."""
     units: Mapping[str, str]
-    """Unit of a column by key, from the ending of its name or as stated."""
+    """Unit of a column, by key: stated by the user, or the ending of the column's name."""
 
     def factor(self, key: str, default: float) -> float:
-        """Return the factor to SI units of a column; ``default`` if its unit is unknown."""
+        """Return the factor from the unit of a key's column to SI units; ``default`` if the unit is unknown."""
         quantity = QUANTITIES[key]
         return default if quantity is None or key not in self.units else UNITS[quantity][self.units[key]]
 
 
 def column_layout(header: Sequence[str], stated: Mapping[str, str]) -> ColumnLayout:
-    """Return the layout of a table with these columns.
+    """Find the column and unit of each quantity in a table.
 
     Args:
-        header: names of all columns.
-        stated: column of some keys, optionally with its unit after a colon: ``timestamp:ns``.
+        header: names of all columns of the table.
+        stated: columns named by the user, by key, optionally with a unit after a colon: ``timestamp:ns``.
 
     Raises:
         InputError: a key has several columns, or a required key none; the message names the candidates.
@@ -100,13 +100,13 @@ def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | Non
 
 
 def _unit(name: str, key: str) -> str | None:
-    """Return the unit at the end of a column's name, if it fits the quantity."""
+    """Return the unit at the end of a column's name if it is one of the key's quantity, else None."""
     _, bar, unit = name.lower().rpartition("_")
     return unit if bar and unit in UNITS.get(QUANTITIES[key] or "", {}) else None
 
 
 def _known(name: str) -> tuple[str | None, str | None]:
-    """Return the key and the unit of a column by its name; None if unknown."""
+    """Return the key and the unit that a column's name tells; None for each that it does not."""
     word = name.lower()
     key = NAMES.get(word) or NAMES.get(word.rpartition("_")[0])
     unit = None if key is None or word in NAMES else _unit(word, key)
@@ -114,12 +114,12 @@ def _known(name: str) -> tuple[str | None, str | None]:
 
 
 def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
-    """Return the rows of a table of tracks.
+    """Return a table of tracks as rows in SI units.
 
     Args:
-        rows: rows of the table.
-        layout: columns and units of the table.
-        factors: factor to SI units of each column, by key.
+        rows: the table as read from the file.
+        layout: column and unit of each quantity.
+        factors: factor from the unit of each column to SI units, by key.
 
     Raises:
         InputError: a row is damaged.
@@ -164,7 +164,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
 
 
 class TableFormat(TrafficFormat):
-    """Format shared by CSV and Parquet."""
+    """Common reader of CSV and Parquet files with one row for each time and object."""
 
     form: ClassVar[Literal["csv", "parquet"]]
     columns: dict[str, str] = Field(

@@ -1,4 +1,4 @@
-"""Ground truth and measurements from files."""
+"""Ground truth and measurements from the files of a test drive."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ __all__ = ["Drive", "load_recording", "read_drive"]
 
 
 def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> LoadedTruth:
-    """Read a recording: truth and measurements on one grid of times, and remarks on rows left out.
+    """Read a recording: truth and measurements at common times, and remarks on rows left out.
 
     Args:
         config: the scenario's ``truth``.
-        kinds: kind of each of the scenario's sensors.
+        kinds: kind of each of the scenario's sensors, by name.
         folder: folder where relative paths start.
 
     Raises:
@@ -71,7 +71,7 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
 
 
 def read_drive(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Read the files of a recording; see :func:`load_recording`."""
+    """Return the content of a recording's files; arguments as for :func:`load_recording`."""
     if config.without_truth:
         return load_unlabelled(config, kinds, folder)
     load = load_udacity if config.format == "udacity" else load_tables

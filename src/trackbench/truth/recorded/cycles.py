@@ -26,24 +26,24 @@ MOST_MISSED = 20
 
 
 class Cycles(NamedTuple):
-    """Measurement cycles of a sensor."""
+    """Times of a sensor's rows, and the measurement cycle that each belongs to."""
 
     instants: Array
-    """``(instants,)`` times of all rows, and of cycles without rows, s; sorted."""
+    """``(instants,)`` distinct times of all rows, and estimated times of cycles without rows, s; sorted."""
     cycle: Indices
-    """``(instants,)`` number of the cycle of each instant: detections of a cycle may be some ms apart."""
+    """``(instants,)`` index of each instant's cycle, since the detections of a cycle may be some ms apart."""
     period: float | None
-    """Period, s; None for irregular detections."""
+    """Time between cycles, s; None if detections are irregular."""
 
 
 def cycles(time: Array, owner: Indices, scans: Array, most_missed: float = MOST_MISSED) -> Cycles:
-    """Return the cycles between the first and the last row.
+    """Find the measurement cycles of a sensor from the times of its detections.
 
     Args:
         time: ``(rows,)`` times of the detections, s, sorted.
-        owner: ``(rows,)`` number of each row's object.
+        owner: ``(rows,)`` index of each row's object.
         scans: ``(scans,)`` all known times of scans, s, sorted.
-        most_missed: largest ratio of cycles without and with a detection.
+        most_missed: largest number of cycles without a detection for each cycle with one; beyond, no period is found.
     """
     instants = np.unique(np.concatenate([time, scans]))
     by_owner = np.argsort(owner, kind="stable")
@@ -74,7 +74,7 @@ def cycles(time: Array, owner: Indices, scans: Array, most_missed: float = MOST_
 
 
 def _cycle_numbers(instants: Array, length: float) -> Indices:
-    """Return the cycle number of each instant; a cycle ends ``length`` s after its first instant."""
+    """Return the cycle index of each instant; a cycle ends ``length`` s after its first instant."""
     number = np.empty(len(instants), dtype=np.intp)
     count, start = -1, -np.inf
     for i, instant in enumerate(instants.tolist()):
@@ -89,13 +89,13 @@ SHORTEST = 4.0
 
 
 def stretch_of(time: Array, count: int) -> Indices:
-    """Return the stretch number ``(T,)`` of each time, for ``count`` stretches of equal length."""
+    """Return the stretch index of each time, ``(T,)``, when the time is cut into ``count`` equal stretches."""
     length = float(np.ptp(time)) / count
     return np.asarray(np.minimum(((time - time.min()) / length).astype(np.intp), count - 1))
 
 
 def require_long_enough(truth: Truth, recorded: Mapping[str, Recorded], count: int) -> None:
-    """Refuse to cut a recording into too many stretches.
+    """Raise an error if a recording is too short to be cut into ``count`` stretches of time.
 
     Raises:
         InputError: the stretches are too short, or one has no scan.

@@ -19,7 +19,7 @@ from trackbench.truth.recorded.cycles import Cycles, cycles
 
 
 class Motion(NamedTuple):
-    """Recorded motion of one body, each ``(rows,)``, at strictly increasing times."""
+    """Recorded motion of one body, arrays ``(rows,)``, at strictly increasing times."""
 
     time: Array
     """Time from the truth's first instant, s."""
@@ -28,9 +28,9 @@ class Motion(NamedTuple):
     vx: Array
     vy: Array
     heading: Array | None = None
-    """Heading, rad; None for the course."""
+    """Heading, rad; None if not stated: the direction of motion is used."""
     yaw_rate: Array | None = None
-    """Yaw rate, rad/s; None for the rate of the heading."""
+    """Yaw rate, rad/s; None if not stated: the rate of change of the heading is used."""
     length: Array | None = None
     """Length, m; None if not stated."""
     width: Array | None = None
@@ -39,51 +39,51 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class RowOrder:
-    """Order of the rows in a file, before they are sorted."""
+    """How far the rows of a file were out of order or repeated, before they were sorted."""
 
     rows: int
     backwards: int
-    """Number of rows with an earlier time than a row before them."""
+    """Number of rows with an earlier time than a preceding row of the same object."""
     largest_step_back: float
-    """Largest step back in time, s."""
+    """Largest step back in time between neighbouring rows of an object, s."""
     duplicates: int
-    """Number of rows left out because the object has an earlier row of that time."""
+    """Number of rows left out because the object already has a row with that time."""
 
 
 class Log(NamedTuple):
     """Recorded measurements of one sensor, one row for each detection, sorted by time."""
 
     time: Array
-    """``(rows,)`` s from the truth's first instant."""
+    """``(rows,)`` time of each detection from the truth's first instant, s."""
     object: Indices
-    """``(rows,)`` number of the object."""
+    """``(rows,)`` index of each detection's object."""
     measurement: Array
-    """``(m, rows)`` in SI units and radians; angles as in the file, not wrapped."""
+    """``(m, rows)`` measurement of each detection, in SI units and radians; angles are not wrapped."""
     scans: Array
-    """``(scans,)`` all known times of scans, s, including scans without a detection; sorted."""
+    """``(scans,)`` sorted times of all known scans, s, including scans without a detection."""
     order: RowOrder
     alarm_time: Array = np.zeros(0)
-    """``(alarms,)`` times of rows without an object, s, sorted."""
+    """``(alarms,)`` times of the false alarms (rows without an object), s, sorted."""
     alarm_measurement: Array = np.zeros((0, 0))
-    """``(m, alarms)`` measurements without an object."""
+    """``(m, alarms)`` measurements of the false alarms."""
 
 
 class Scans(NamedTuple):
     """Unlabelled scans of one sensor, sorted by time."""
 
     time: Array
-    """``(scans,)`` first instant of each cycle, s."""
+    """``(scans,)`` time of each scan, the first instant of its measurement cycle, s."""
     scan: Indices
-    """``(rows,)`` index of each row's scan."""
+    """``(rows,)`` index of each detection's scan."""
     measurement: Array
-    """``(m, rows)``, angles wrapped."""
+    """``(m, rows)`` measurement of each detection, angles wrapped to (-pi, pi]."""
     own_track: Indices
-    """``(rows,)`` number of the sensor's own track; -1 for none."""
+    """``(rows,)`` index of the sensor's own track that the detection belongs to; -1 for none."""
     own_tracks: tuple[str, ...]
     duplicates: int
-    """Number of rows left out because the slot has an earlier row of that time."""
+    """Number of rows left out because the slot of the sensor's list already has a row with that time."""
     copies: int = 0
-    """Number of detections left out beside another one of the same object."""
+    """Number of detections left out because an older track of the sensor is close to them."""
 
 
 @dataclass(frozen=True)
@@ -91,26 +91,26 @@ class Drive:
     """Content of a recording's files."""
 
     motions: dict[str, Motion]
-    """Motion by object."""
+    """Motion of each object, by name."""
     order: RowOrder
-    """Order of the truth's rows."""
+    """Disorder and repetitions found in the truth's rows."""
     observer: Motion | None
     """Motion of the observer; None for a fixed point."""
     logs: dict[str, Log]
-    """Labelled measurements by sensor."""
+    """Measurements with known objects, by name of the sensor."""
     source: dict[str, Any]
-    """Description of the files for the result."""
+    """Names and numbers of rows of the files, for the result."""
     detections: dict[str, Scans] = field(default_factory=dict)
-    """Unlabelled scans by sensor."""
+    """Scans whose detections have no known objects, by name of the sensor."""
     frames: Array = field(default_factory=lambda: np.zeros(0))
     """``(frames,)`` all times of the truth's rows, s; sorted."""
     boxes: Array = field(default_factory=lambda: np.zeros((6, 0)))
-    """``(6, boxes)`` don't-care boxes: time, x, y, heading, half length and half width."""
+    """``(6, boxes)`` don't-care boxes: time, x, y, heading, half length and half width of each."""
     kinds: dict[str, str] = field(default_factory=dict)
-    """Class of each object, if classes matter."""
+    """Class of each object, by name; empty if classes are not read."""
 
     start: Decimal = Decimal(0)
-    """Time of the files' clock at 0 s, s."""
+    """Reading of the files' clock at the truth's first instant, s."""
 
     @property
     def has_truth(self) -> bool:
@@ -123,12 +123,12 @@ class Drive:
         return [*self.logs, *self.detections]
 
     def span(self, number: int) -> tuple[float, float]:
-        """Return the first and last time at which the motion of an object, and of the observer, is known, s."""
+        """Return the first and last time, s, at which the object with index ``number`` and the observer are known."""
         bodies = [list(self.motions.values())[number], *([self.observer] if self.observer else [])]
         return max(float(m.time[0]) for m in bodies), min(float(m.time[-1]) for m in bodies)
 
     def inside(self, log: Log) -> Log:
-        """Return the rows of a log within the span of their object's truth."""
+        """Return the detections of a log made while their object's and the observer's motion are known."""
         spans = np.array([self.span(number) for number in range(len(self.motions))])
         is_inside = (log.time >= spans[log.object, 0]) & (log.time <= spans[log.object, 1])
         first, last = spans[:, 0].min(), spans[:, 1].max()
@@ -144,23 +144,23 @@ class Drive:
         )
 
     def framed(self, time: Array) -> Array:
-        """Return the times within the truth's rows; all without a truth."""
+        """Return those times that lie between the truth's first and last row; all times if there is no truth."""
         return time if not self.has_truth else _between(time, float(self.frames[0]), float(self.frames[-1]))
 
     def clipped(self) -> Drive:
-        """Return the drive without measurements outside the span of the truth."""
+        """Return the drive with only the labelled detections made while truth and observer are known."""
         return replace(self, logs={name: self.inside(log) for name, log in self.logs.items()})
 
 
 def row_order(time: Array, owner: Indices) -> tuple[Indices, RowOrder]:
-    """Sort rows by time, remove duplicates, and count both corrections.
+    """Sort rows by time, remove repeated rows of an object, and count both.
 
     Args:
-        time: ``(rows,)`` times.
-        owner: ``(rows,)`` number of each row's object.
+        time: ``(rows,)`` times, s.
+        owner: ``(rows,)`` index of each row's object.
 
     Returns:
-        Numbers of the remaining rows, the first of each object and time, and the order of the file.
+        Indices of the remaining rows, the first of each object and time, in order of time; and the counts.
     """
     instants, instant = np.unique(time, return_inverse=True)
     # Files may be sorted by object, so that time only increases within an object.
@@ -180,7 +180,7 @@ def row_order(time: Array, owner: Indices) -> tuple[Indices, RowOrder]:
 
 
 def rows_of_each(owner: Indices, count: int) -> list[Indices]:
-    """Return the row numbers of each of ``count`` owners, in the order of the rows."""
+    """Return the row indices of each of ``count`` objects, in ascending order."""
     order = np.argsort(owner, kind="stable")
     return np.split(order, np.searchsorted(owner[order], np.arange(1, count)))
 
@@ -191,7 +191,7 @@ def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
     Args:
         config: the scenario's ``truth``.
         drive: content of the files.
-        times: ``(steps,)`` s, increasing.
+        times: ``(steps,)`` times of the result, s, increasing.
     """
     motions = drive.motions
     columns = [_on_grid(motion, times) for motion in motions.values()]
@@ -220,7 +220,7 @@ def scan_cycles(drive: Drive) -> dict[str, Cycles]:
 
 
 def grid(drive: Drive, cycles_by_sensor: Mapping[str, Cycles]) -> Array:
-    """Return all times of the truth's rows and of scans, sorted and unique, while the observer is known.
+    """Return the distinct times of the truth's rows and of all scans, sorted, while the observer is known.
 
     Raises:
         InputError: the observer is known at fewer than half of the times.
@@ -239,9 +239,9 @@ def measurements_on_grid(log: Log, kind: str, cycles: Cycles, times: Array, obje
     """Return a sensor's measurements by scan and object, with angles wrapped to (-pi, pi].
 
     Args:
-        log: measurements, with at most one row for each time and object.
-        kind: kind of the sensor.
-        cycles: cycles of the sensor.
+        log: detections of the sensor, at most one for each time and object.
+        kind: kind of the sensor, such as radar.
+        cycles: measurement cycles of the sensor.
         times: ``(steps,)`` times of the truth, including all times of the log.
         objects: number of objects.
     """
@@ -264,9 +264,9 @@ def measurements_on_grid(log: Log, kind: str, cycles: Cycles, times: Array, obje
 
 
 def left_out(drive: Drive, clipped: Drive, times: Array, *, hidden: bool) -> dict[str, dict[str, int]]:
-    """Count the unused rows of the truth and of each sensor by reason, without reasons that did not occur.
+    """Count the unused rows of the truth and of each sensor, by reason; reasons that did not occur are left out.
 
-    With ``hidden`` identities, rows without an object are false alarms and are used.
+    With ``hidden`` identities, rows without an object are used, as false alarms.
     """
     result = {"truth": {"of an object and a time that came before": drive.order.duplicates}}
     if drive.has_truth and (observer := drive.observer) is not None:
@@ -294,7 +294,7 @@ def require_measurements(drive: Drive, clipped: Drive) -> None:
     """Require that each sensor's measurements lie within the time of the truth and the observer.
 
     Raises:
-        InputError: fewer than half of a sensor's measurements do.
+        InputError: fewer than half of a sensor's measurements lie within it.
     """
     if drive.observer is not None:
         grid(drive, {})
@@ -316,7 +316,7 @@ def _between(time: Array, first: float, last: float) -> Array:
 
 
 def _require_half(inside: Array, time: Array, ends: tuple[float, float], what: str, key: str) -> None:
-    """Refuse times if fewer than half lie within another file's span: their unit is probably wrong."""
+    """Raise an error if ``inside``, the times within ``ends``, are fewer than half of ``time``: a wrong unit?"""
     if len(inside) and 2 * len(inside) >= len(time):
         return
     span, when = (f"from {a:.12g} to {b:.12g} s" for a, b in np.round([[time.min(), time.max()], ends], 2))
@@ -325,7 +325,7 @@ def _require_half(inside: Array, time: Array, ends: tuple[float, float], what: s
 
 
 def carrier(motion: Motion, times: Array) -> Observer:
-    """Return a recorded observer at ``times``; the heading is interpolated the short way round."""
+    """Return the recorded observer interpolated at ``times`` s, its heading the short way round."""
     assert motion.heading is not None
     yaw = np.unwrap(motion.heading)
     rate = slope(yaw, motion.time) if motion.yaw_rate is None else motion.yaw_rate
@@ -357,5 +357,5 @@ def _on_grid(motion: Motion, times: Array) -> dict[str, Array]:
 
 
 def slope(values: Array, times: Array) -> Array:
-    """Return the rate of change ``(steps,)``; zero for a single value."""
+    """Return the rate of change of ``values`` at each time, ``(steps,)``; zero for a single value."""
     return np.gradient(values, times) if len(times) > 1 else np.zeros_like(values)

@@ -1,4 +1,4 @@
-"""Scored parts of a recorded truth (boxes, classes, region, gaps), and its noise."""
+"""Which parts of a recorded truth are scored (boxes, classes, region, gaps), and its noise."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def moved_ahead(motion: Motion, heading: Array, ahead: Array | float) -> Motion:
 
 
 def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
-    """Return the truth for hidden identities: objects and regions that count, gaps, and noise."""
+    """Return the truth, marked with the objects and regions that are scored, gaps between rows, and noise."""
     kinds = drive.kinds
     alive = truth.alive.copy()
     for number, motion in enumerate(drive.motions.values()):
@@ -52,7 +52,7 @@ def _in_gap(rows: Array, time: Array) -> Mask:
 
 
 def _lasting(boxes: Array, frames: Array) -> Array:
-    """Return boxes ``(7, boxes)`` as in ``Unscored.boxes``, each lasting half way to the neighbouring rows."""
+    """Return don't-care boxes ``(7, boxes)`` with start and end: half way to the previous and next frame."""
     frame: Indices = np.searchsorted(frames, boxes[0])
     steps = np.diff(frames)
     usual_step = float(np.median(steps)) if len(steps) else 0.0

@@ -17,11 +17,11 @@ KEPT = 1 - 6 * EDGE
 
 
 def clipped(residual: Array, added: Array | float = 0.0) -> tuple[Array, Array]:
-    """Return mean and standard deviation ``(..., 1)`` from the values within three standard deviations.
+    """Return mean and standard deviation, ``(..., 1)``, of the values within three standard deviations.
 
     Args:
-        residual: ``(..., rows)``; NaN is ignored.
-        added: known variance of each value, which is subtracted (Fisher scoring).
+        residual: ``(..., rows)`` values; NaN are ignored.
+        added: known variance of each value, which the standard deviation leaves out (Fisher scoring).
     """
     middle = np.nanmedian(residual, axis=-1, keepdims=True)
     rough = 1.4826 * np.nanmedian(np.abs(residual - middle), axis=-1, keepdims=True)
@@ -37,16 +37,16 @@ def clipped(residual: Array, added: Array | float = 0.0) -> tuple[Array, Array]:
 
 
 def clipped_sigma(residual: Array) -> Array:
-    """Return the robust standard deviation ``(...)``."""
+    """Return the standard deviation over the last axis of the values within three standard deviations."""
     return np.asarray(clipped(residual)[1][..., 0])
 
 
 def residual_scale(residual: Array, added: Array) -> Array:
-    """Return standard deviations ``(m, rows)``, never zero, so that they can be divisors.
+    """Return the standard deviation of each residual, ``(m, rows)``, never zero, so that it can be a divisor.
 
     Args:
         residual: ``(m, rows)`` residuals.
-        added: ``(m, rows)`` variance of the reference.
+        added: ``(m, rows)`` variance of each residual that comes from the reference.
     """
     sigma = np.sqrt(clipped(residual, added)[1] ** 2 + added)
     reach = np.nanmax(np.abs(residual), axis=-1, keepdims=True)
@@ -64,7 +64,7 @@ THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 
 
 def white_sigma(values: Array) -> float:
-    """Return the standard deviation of white noise on slow values ``(k, rows)``, from their third differences.
+    """Return the standard deviation of white noise on slowly varying ``values`` ``(k, rows)``, by third differences.
 
     Source: Rice (1984), "Bandwidth choice for nonparametric regression", with higher differences.
     """
@@ -75,14 +75,14 @@ def white_sigma(values: Array) -> float:
 
 
 def travelled(motion: Motion) -> Array:
-    """Return the displacement ``(2, rows)`` since the first row by the stated velocity (trapezoidal rule)."""
+    """Return the stated velocity integrated from the first row (trapezoidal rule), ``(2, rows)`` m."""
     velocity = np.stack([motion.vx, motion.vy])
     steps = 0.5 * (velocity[:, 1:] + velocity[:, :-1]) * np.diff(motion.time)
     return np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
 def body_sigmas(motion: Motion) -> tuple[float, float]:
-    """Return the standard deviations of the noise of a body's position, m, and velocity, m/s."""
+    """Return the standard deviations, per axis, of the noise on a body's position, m, and velocity, m/s."""
     position, velocity = np.stack([motion.px, motion.py]), np.stack([motion.vx, motion.vy])
     if len(motion.time) > 1 and np.allclose(velocity, np.gradient(position, motion.time, axis=1)):
         # The velocity was computed from the positions and has their noise.
@@ -93,7 +93,7 @@ def body_sigmas(motion: Motion) -> tuple[float, float]:
 
 
 def noise_of_motions(motions: Iterable[Motion]) -> RecordedNoise:
-    """Return the standard deviations of position and velocity per axis, RMS over the rows of all objects."""
+    """Return the noise of position and velocity, per axis: RMS standard deviation over the rows of all objects."""
     motions = list(motions)
     squares = np.square([body_sigmas(motion) for motion in motions])
     return RecordedNoise(*np.sqrt(np.average(squares, axis=0, weights=[len(m.time) for m in motions])).tolist())

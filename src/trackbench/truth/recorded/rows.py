@@ -1,4 +1,4 @@
-"""Rows of a table: columns of numbers, times and names."""
+"""A table read from a file, and its columns as numbers, times or names."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ FROM_ZERO_S = 1e7
 
 
 class TimeColumn(NamedTuple):
-    """Column of times."""
+    """Times in a column, exact to nanoseconds however far the clock's zero is."""
 
     seconds: Array
-    """``(rows,)`` s after ``start``."""
+    """``(rows,)`` time of each row, s after ``start``."""
     start: Decimal = Decimal(0)
-    """Whole seconds of the file's clock; time stamps of ISO 8601 count from 1970 (UTC unless they state a zone)."""
+    """Clock reading, whole s, from which ``seconds`` count; ISO 8601 is from 1970 (UTC unless a zone is stated)."""
 
     @property
     def first(self) -> Decimal:
-        """Earliest time, s of the file's clock."""
+        """Earliest time in the column, as a reading of the file's clock, s."""
         return self.start + Decimal(repr(float(self.seconds.min())))
 
     def since(self, first: Decimal) -> Array:
-        """Return the times ``(rows,)`` after a time of the same clock, s.
+        """Return the times of the rows since ``first``, a reading of the same clock, ``(rows,)`` s.
 
         The result is rounded to nanoseconds, which no clock of a vehicle resolves.
         """
@@ -48,10 +48,10 @@ class TimeColumn(NamedTuple):
 
 
 class Labels(NamedTuple):
-    """Column of names that occur in many rows."""
+    """Names in a column, each stored once."""
 
     names: list[str]
-    """Different names in the order of their first rows."""
+    """Distinct names, in the order of their first rows."""
     number: Indices
     """``(rows,)`` index of each row's name in ``names``."""
 
@@ -63,40 +63,40 @@ class Labels(NamedTuple):
 
 @dataclass(frozen=True)
 class Rows:
-    """Columns of a table: numbers, time stamps and texts; texts are trimmed, and "" if empty."""
+    """Table read from a file, with columns of numbers, time stamps and trimmed texts ("" for an empty cell)."""
 
     file: Path
     table: pa.Table
     line: Callable[[int], int] | None = None
-    """Function from a row's number to its line in the file; None for a file without lines."""
+    """Function from a row's index in the file to its line; None for a file without lines."""
     places: Indices | None = None
-    """``(rows,)`` number of each row in the file, from 0; None for all rows of the file."""
+    """``(rows,)`` index of each row in the file; None if all rows of the file are here."""
 
     def __len__(self) -> int:
         return int(self.table.num_rows)
 
     def only(self, chosen: Mask) -> Rows:
-        """Return some of the rows."""
+        """Return the rows for which the mask is True."""
         return replace(self, table=self.table.filter(pa.array(chosen)), places=np.flatnonzero(chosen))
 
     def error(self, row: int, message: str) -> InputError:
-        """Return an error about a row, counted from 0."""
+        """Return an error that names the file and the place of a row, whose index counts from 0."""
         place = row if self.places is None else int(self.places[row])
         if self.line is None:
             return InputError(f"row {place + 1}: {message}", file=self.file)
         return InputError(message, file=self.file, line=self.line(place))
 
     def cell(self, row: int, column: str) -> str:
-        """Return the start of a cell as text."""
+        """Return a cell as text for a message, shortened if it is long."""
         return repr(str(self.table[column][row])[:40])
 
     def numbers(self, column: str, factor: float, quantity: str | None, *, optional: bool = False) -> Array:
-        """Return a column of finite numbers ``(rows,)`` in SI units and radians; NaN for an allowed empty cell.
+        """Return a column of finite numbers in SI units and radians, ``(rows,)``; NaN for an allowed empty cell.
 
         Args:
             column: name of the column.
-            factor: factor to SI units.
-            quantity: key of ``jumps.POSSIBLE``; None for any number.
+            factor: factor from the column's unit to SI units.
+            quantity: quantity, such as "length", whose plausible limits apply; None for no limits.
             optional: whether cells may be empty or nan.
 
         Raises:
@@ -122,7 +122,7 @@ class Rows:
 
         Args:
             column: name of the column.
-            factor: factor of numbers to s: one over a power of ten.
+            factor: factor from the column's unit to s, one over a power of ten.
 
         Raises:
             InputError: a cell is no time.
@@ -150,7 +150,7 @@ class Rows:
         return texts
 
     def labels(self, column: str, *, optional: bool = False) -> Labels:
-        """Return a column of names.
+        """Return a column of names, each distinct name stored once.
 
         Args:
             column: name of the column.
@@ -175,7 +175,7 @@ class Rows:
         return cells if _is_text(cells.type) else cells.cast(pa.string()).fill_null("")
 
     def _floats(self, column: str) -> Array:
-        """Return a column of numbers ``(rows,)``; NaN for any other cell."""
+        """Return a column as numbers, ``(rows,)``; NaN for a cell that is no number."""
         cells = self.table[column]
         if types.is_timestamp(cells.type):
             return np.full(len(cells), np.nan)
@@ -217,12 +217,12 @@ def _is_text(kind: pa.DataType) -> bool:
 
 
 def rows_of_columns(file: Path, columns: Mapping[str, Sequence[Any]], lines: Sequence[int] | None = None) -> Rows:
-    """Return a table of columns of numbers and texts; None is an empty cell.
+    """Return columns of numbers and texts as a table; None in a column is an empty cell.
 
     Args:
         file: file, for error messages.
-        columns: values by column.
-        lines: line of each row in the file.
+        columns: values of each column, by its name.
+        lines: line of each row in the file; None for a file without lines.
     """
 
     def column(values: Sequence[Any]) -> pa.Array:
@@ -239,7 +239,7 @@ def rows_of_columns(file: Path, columns: Mapping[str, Sequence[Any]], lines: Seq
 
 
 def plain_column(name: str, column: pa.Array | pa.ChunkedArray, file: Path) -> pa.Array | pa.ChunkedArray:
-    """Return a column of numbers, time stamps or trimmed texts; refuse other types, which would be misread."""
+    """Return a column of numbers or time stamps unchanged, of texts trimmed; refuse types that would be misread."""
     if types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
     kind = column.type

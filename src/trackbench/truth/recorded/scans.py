@@ -1,4 +1,4 @@
-"""Measurements in a sensor's table, and the scans of unlabelled measurements."""
+"""Measurements read from a sensor's table, and scans of detections whose objects are unknown."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FEW_MISSED = 0.5
 def column_measurements(
     table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]
 ) -> tuple[Array, Indices]:
-    """Return the measurements ``(m, n)`` in SI units and radians, and their rows ``(n,)``.
+    """Return the measurements ``(m, n)`` in SI units and radians, and the indices of their rows ``(n,)``.
 
     Raises:
         InputError: a number is damaged, or no row has a measurement.
@@ -49,26 +49,26 @@ def column_measurements(
 
 
 def position_of(components: tuple[str, ...], measurement: Array) -> Array:
-    """Return the position ``(2, n)`` that measurements ``(m, n)`` state, in the sensor's frame, m."""
+    """Return the measured positions in the sensor's frame, ``(2, n)`` m, of measurements ``(m, n)``."""
     first, second = measurement[:2]
     is_polar = components[:2] == POLAR
     return np.stack([first * np.cos(second), first * np.sin(second)] if is_polar else [first, second])
 
 
 def columns_of(entry: MeasurementColumns) -> list[str | None]:
-    """Return the given columns of a file of unlabelled measurements."""
+    """Return the column names that a file of unlabelled measurements must have; None for a column not given."""
     return [entry.time, entry.slot, entry.new_track, *entry.components.values()]
 
 
 def scans_of(table: Rows, entry: MeasurementColumns, times: Array, units: Units, kind: str) -> Scans:
-    """Return the scans of unlabelled measurements.
+    """Group the unlabelled detections of a sensor into scans.
 
     Args:
-        table: rows of one sensor.
+        table: rows of the sensor.
         entry: names of the columns.
-        times: ``(rows,)`` times, s.
+        times: ``(rows,)`` time of each row, s.
         units: units of the columns.
-        kind: kind of the sensor.
+        kind: kind of the sensor, such as radar.
 
     Raises:
         InputError: a row is damaged.
@@ -108,9 +108,9 @@ def scans_of(table: Rows, entry: MeasurementColumns, times: Array, units: Units,
 
 
 def _tracks_of_slots(time: Array, slot: Indices, is_new: Mask, names: list[str]) -> tuple[Indices, list[str]]:
-    """Return the number of the sensor's own track of each row, and the tracks' names, numbered by slot.
+    """Return the index of the sensor's own track of each row, and the names of the tracks: slot and number.
 
-    A slot has a new track at a row that says so, and after it was empty for longer than ``EMPTY_SLOT``.
+    A slot begins a new track where a row says so, or after it was empty for longer than ``EMPTY_SLOT`` s.
     """
     by_slot = np.argsort(slot, kind="stable")
     first = np.diff(slot[by_slot], prepend=-1) != 0
@@ -123,7 +123,7 @@ def _tracks_of_slots(time: Array, slot: Indices, is_new: Mask, names: list[str])
 
 
 def _without_copies(scans: Scans, time: Array, model: type[Sensor], within: float) -> Scans:
-    """Return the scans without detections close to one of an older track of the sensor."""
+    """Leave out each detection nearer than ``within`` m to a detection of an older track in the same scan."""
     position = position_of(model.components, scans.measurement)
     _, first_row, track = np.unique(scans.own_track, return_index=True, return_inverse=True)
     began = time[first_row][track]
@@ -140,7 +140,7 @@ def _without_copies(scans: Scans, time: Array, model: type[Sensor], within: floa
 
 
 def recorded_detections(scans: Scans, times: Array) -> RecordedDetections:
-    """Return the detections of those scans whose times are among the truth's."""
+    """Return the detections of the scans whose times are among ``times``, the truth's."""
     is_kept = np.isin(scans.time, times)
     number = np.cumsum(is_kept) - 1
     is_row_kept = is_kept[scans.scan]

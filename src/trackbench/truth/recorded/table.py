@@ -46,7 +46,9 @@ OBJECT = "object"
 
 
 def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Return the motion of all objects, and the measurements of sensors with named columns.
+    """Return the motion of all objects and of the observer, and the measurements of each sensor in ``measurements``.
+
+    The scenario names the columns; ``kinds`` is the kind of each sensor by name.
 
     Raises:
         InputError: a file cannot be read, or a row is damaged.
@@ -203,7 +205,7 @@ def _log(
 
 
 def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str], *, blank: bool) -> Indices:
-    """Return the number of the object of each row; -1 for an empty name, if ``blank`` allows it."""
+    """Return the index in ``ids`` of each row's object; -1 for an empty name, if ``blank`` allows it."""
     if column is None:
         return np.zeros(len(rows), dtype=np.intp)
     labels, number = table.labels(column, optional=blank), {name: i for i, name in enumerate(ids)}

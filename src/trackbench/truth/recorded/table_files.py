@@ -33,7 +33,7 @@ def log_text(file: Path) -> str:
 
 
 def read_table(file: Path, form: str, wanted: Iterable[str | None]) -> Rows:
-    """Return the wanted columns of a file of the format "csv" or "parquet".
+    """Return the columns ``wanted`` of a file whose format ``form`` is "csv" or "parquet".
 
     Raises:
         InputError: the file cannot be read or has no such column, or no row.
@@ -46,7 +46,7 @@ def read_table(file: Path, form: str, wanted: Iterable[str | None]) -> Rows:
 
 
 def read_header(file: Path, form: str) -> list[str]:
-    """Return the names of the columns of a file of the format "csv" or "parquet".
+    """Return the names of the columns of a file whose format ``form`` is "csv" or "parquet".
 
     Raises:
         InputError: the file cannot be read, or two columns have one name.

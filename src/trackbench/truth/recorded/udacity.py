@@ -32,12 +32,12 @@ _STAMP = re.compile(r"[0-9]{1,16}")
 
 
 class Measurement(NamedTuple):
-    """Measurement in one line, with the truth."""
+    """Measurement in one line of a Udacity file, with the true state at its time."""
 
     kind: str
     """Kind of the sensor, "lidar" or "radar"."""
     measurement: tuple[float, ...]
-    """Lidar: x, y, m. Radar: range m, azimuth rad as recorded (it may lie outside (-pi, pi]), range rate m/s."""
+    """x and y, m, of a lidar; range m, azimuth rad (not wrapped) and range rate m/s of a radar."""
     stamp: int
     """Time stamp, us."""
     truth: tuple[float, float, float, float]

@@ -18,7 +18,7 @@ _ARRAYS = ("pose", "velocity", "yaw_rate", "visible", "probability", "scale", "s
 
 
 def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
-    """Return the scans after the effect's ``before``.
+    """Apply an effect's ``before`` to the scans, and check the value that it returns.
 
     Raises:
         TrackbenchError: the value is no ``Sensed``, an array has another shape, or a value is no longer finite.
@@ -43,7 +43,7 @@ def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
 
 
 def after(effect: Effect, measurement: Array, sensor: SensorModel) -> Array:
-    """Return the measurements after the effect's ``after``.
+    """Apply an effect's ``after`` to the measurements, and check the value that it returns.
 
     Raises:
         TrackbenchError: the value is no array of the measurements' shape, or has numbers that are no longer finite.
@@ -56,10 +56,10 @@ def after(effect: Effect, measurement: Array, sensor: SensorModel) -> Array:
 
 
 def alarms(effect: Effect, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array] | None:
-    """Return the further detections of the effect's ``alarms``.
+    """Return the false alarms that an effect's ``alarms`` adds, after a check of their arrays.
 
     Raises:
-        TrackbenchError: the value does not consist of numbers of runs and instants and as many finite measurements.
+        TrackbenchError: the value is not a tuple of run indices, instant indices and as many finite measurements.
     """
     answer: Any = effect.alarms(sensed, random)
     if answer is None:

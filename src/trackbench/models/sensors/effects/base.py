@@ -24,33 +24,33 @@ MOVING = ("target", "heading", "axis", "yaw_rate", "centre")
 
 @dataclass(frozen=True)
 class Bodies:
-    """Moving points that a sensor measures, and the boxes of their bodies, at the instants of the scans.
+    """Moving points that a sensor measures on the objects, and the objects' boxes, at the instants of the scans.
 
     The last axis of each array is the runs, or has length 1 where the motion is the same in all runs.
     """
 
     target: Array
-    """``(4, instants, objects, runs or 1)`` x, y, vx, vy of the points in the fixed frame; the centres at first."""
+    """Measured points ``(4, instants, objects, runs or 1)``: x, y, vx, vy in the fixed frame; at first the centres."""
     heading: Array
-    """``(instants, objects, runs or 1)`` rad."""
+    """Heading of each box ``(instants, objects, runs or 1)``, rad, counter-clockwise from the fixed x axis."""
     axis: Array
-    """``(2, instants, objects, runs or 1)`` cosine and sine of the heading."""
+    """Cosine and sine ``(2, instants, objects, runs or 1)`` of the heading."""
     yaw_rate: Array
-    """``(instants, objects, runs or 1)`` rad/s."""
+    """Rate of change of the heading ``(instants, objects, runs or 1)``, rad/s."""
     length: Array
-    """``(objects, 1)`` m."""
+    """Length of each box ``(objects, 1)``, m."""
     width: Array
-    """``(objects, 1)`` m."""
+    """Width of each box ``(objects, 1)``, m."""
     centre: Array
-    """``(2, instants, objects, runs or 1)`` x, y of the centres of the boxes, which no effect moves."""
+    """Centres of the boxes ``(2, instants, objects, runs or 1)``: x, y in the fixed frame, m; no effect moves them."""
 
     def of_runs(self, runs: range) -> Bodies:
-        """Return the bodies in some runs."""
+        """Return the objects' points and boxes in the given runs."""
         moving = {name: of_runs(getattr(self, name), runs) for name in MOVING}
         return replace(self, **moving)
 
     def seen_from(self, pose: Array) -> Array:
-        """Return ``(2, instants, objects, runs or 1)``: a sensor's position ahead and to the left of each centre, m.
+        """Return the sensor's offset ``(2, instants, objects, runs or 1)`` ahead and left of each box's centre, m.
 
         The sensor's pose is ``(3, instants, runs or 1)``.
         """
@@ -59,7 +59,7 @@ class Bodies:
         return np.stack([c * dx + s * dy, c * dy - s * dx])
 
     def moved(self, ahead: Array, left: Array) -> Bodies:
-        """Move the points ahead and to the left on the bodies, m, and add the velocity that a turn gives them."""
+        """Move the measured points ahead and left on the boxes, m, and add the velocity that a turn gives them."""
         c, s = self.axis
         target = np.zeros((4, *np.broadcast_shapes(self.target.shape[1:], ahead.shape))).view(type(self.target))
         x, y = np.subtract(c * ahead, s * left, out=target[0]), np.add(s * ahead, c * left, out=target[1])
@@ -71,7 +71,7 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Sensed:
-    """Scans of one sensor in several runs, before white noise is added.
+    """Scans of one sensor in several runs, with all that determines its measurements, before white noise is added.
 
     The last axis of each array but ``time`` is the runs, or has length 1 where all runs are alike.
     """
@@ -79,43 +79,43 @@ class Sensed:
     sensor: SensorModel
     runs: int
     time: Array
-    """``(instants,)`` s."""
+    """Times of the scans ``(instants,)``, s."""
     pose: Array
-    """``(3, instants, runs or 1)`` x m, y m, yaw rad of the sensor."""
+    """Pose of the sensor ``(3, instants, runs or 1)``: x m, y m, yaw rad in the fixed frame."""
     velocity: Array
-    """``(2, instants, runs or 1)`` vx, vy of the sensor, m/s."""
+    """Velocity of the sensor ``(2, instants, runs or 1)``: vx, vy in the fixed frame, m/s."""
     yaw_rate: Array
-    """``(instants, runs or 1)`` yaw rate of the sensor, rad/s."""
+    """Yaw rate of the sensor ``(instants, runs or 1)``, rad/s."""
     bodies: Bodies
-    """Measured points and their bodies."""
+    """Measured points on the objects, and the objects' boxes."""
     visible: Mask
-    """``(instants, objects, runs or 1)`` True where an object is in view."""
+    """Mask ``(instants, objects, runs or 1)``, True where an object is in the field of view and not hidden."""
     probability: Array
-    """``(instants, objects, runs or 1)`` P_D of a visible object."""
+    """Detection probability P_D ``(instants, objects, runs or 1)`` of an object if it is visible."""
     scale: Array
-    """``(m or 1, instants, objects, runs or 1)`` factor on the white noise's standard deviation of the options."""
+    """Factor ``(m or 1, instants, objects, runs or 1)`` on the standard deviation of the white noise."""
     slow_scale: Array
-    """``(m or 1, instants, objects, runs or 1)`` factor on the standard deviation of slow errors. It leaves out all
-    that changes from scan to scan, such as the received power."""
+    """Factor ``(m or 1, instants, objects, runs or 1)`` on the standard deviation of slowly changing errors. It leaves
+    out all that changes from scan to scan, such as the received power."""
     error: Array
-    """``(m, instants, objects, runs)`` error in addition to the white noise, in SI units and radians."""
+    """Error ``(m, instants, objects, runs)`` in addition to the white noise, in SI units and radians."""
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of instants and objects, the shape of a draw for each measurement of a run."""
+        """Number of instants and number of objects: the shape of one draw per measurement of a run."""
         instants, objects = self.error.shape[1:3]
         return instants, objects
 
     def replaced(self, **values: Any) -> Sensed:
-        """Return a copy with some fields replaced."""
+        """Return a copy with the named fields replaced by ``values``."""
         return replace(self, **values)
 
     def ideal(self) -> Array:
-        """Return the error-free measurements ``(m, instants, objects, runs or 1)`` of the points."""
+        """Return the error-free measurements ``(m, instants, objects, runs or 1)`` of the measured points."""
         return np.asarray(self.sensor.measure(self.bodies.target, self.pose[:, :, None], self.velocity[:, :, None]))
 
     def sigmas(self) -> Array:
-        """Return the standard deviations ``(m, 1, 1, 1)`` of the sensor's options, in SI units and radians."""
+        """Return the noise's standard deviations ``(m, 1, 1, 1)`` in the sensor's options, in SI units and radians."""
         return np.array(self.sensor.sigmas())[:, None, None, None]
 
 
@@ -126,7 +126,7 @@ class Effect(Config, ABC):
     """
 
     one_of: ClassVar[tuple[str, ...]] = ()
-    """Options, at least one of them required: the effect does nothing without."""
+    """Options, at least one of them required: without all of them the effect does nothing."""
 
     type: str = Field("", description="Name of the effect.")
 
@@ -140,28 +140,28 @@ class Effect(Config, ABC):
             yield Problem(("type",), f"{self.type} does nothing without one of these: {', '.join(self.one_of)}")
 
     def problems_on(self, sensor: SensorModel) -> Iterator[Problem]:
-        """Yield the problems of the options on this sensor."""
+        """Yield the problems of the effect's options on a given sensor."""
         yield from ()
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
-        """Return the scans as they are before the white noise is added."""
+        """Return the scans changed by the effect, before the white noise is added."""
         return sensed
 
     def after(self, measurement: Array, sensor: SensorModel) -> Array:
-        """Return the measurements ``(m, ...)`` as the sensor gives them, from measurements with all noise."""
+        """Return the measurements ``(m, ...)`` changed by the effect, given measurements with all noise."""
         return measurement
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array] | None:
-        """Return further false alarms, which matter with hidden identities alone; None without any.
+        """Return additional false alarms, used with hidden identities alone; None if there are none.
 
-        Run numbers ``(n,)`` from 0 within ``sensed``, instant numbers ``(n,)`` and measurements ``(m, n)`` without
-        white noise.
+        The tuple holds the indices ``(n,)`` of their runs within ``sensed``, the indices ``(n,)`` of their instants,
+        and their measurements ``(m, n)`` without white noise.
         """
         return None
 
     @classmethod
     def has(cls, method: str) -> bool:
-        """Return whether the class overrides a method."""
+        """Return whether the class of the effect overrides ``method``."""
         return getattr(cls, method) is not getattr(Effect, method)
 
 
@@ -177,7 +177,7 @@ EFFECTS: Registry[type[Effect]] = Registry("trackbench.sensor_effects", "sensor 
 
 
 def by_component(sizes: Mapping[str, float], sensor: SensorModel) -> Array:
-    """Return sizes ``(m,)`` in SI units and radians from keys such as ``azimuth_deg``; 0 where none is stated."""
+    """Return sizes ``(m,)`` in SI units and radians from keys such as ``azimuth_deg``; 0 for other components."""
     stated = {split_key(key)[0]: in_si(key, value) for key, value in sizes.items()}
     return np.array([stated.get(name, 0.0) for name in sensor.components])
 
@@ -185,7 +185,7 @@ def by_component(sizes: Mapping[str, float], sensor: SensorModel) -> Array:
 def component_problems(
     key: str, sizes: Mapping[str, float], sensor: SensorModel | type[SensorModel]
 ) -> Iterator[Problem]:
-    """Yield the keys that do not consist of a component of the sensor and a unit of its quantity."""
+    """Yield a problem for each key of ``sizes`` that is not a component of the sensor plus a unit of its quantity."""
     units = dict(zip(sensor.components, map(find_unit, sensor.units), strict=True))
     usual = {"length": "m", "angle": "deg", "speed": "mps"}
     names = [f"{name}_{usual[unit.quantity]}" for name, unit in units.items() if unit]

@@ -20,8 +20,8 @@ from trackbench.models.sensors.model import SensorModel
 class CorrelatedErrors(Effect):
     """Slowly changing part of the sensor's noise, a Gauss-Markov process for each component and vehicle.
 
-    The total variance stays as the options state it; only errors at different instants become correlated. The white
-    part follows the power of a scan, which ``signal_to_noise`` draws; the slow part does not.
+    The total variance stays as the options state it; only errors at different instants become correlated. Where
+    ``signal_to_noise`` draws a received power at each scan, only the white noise depends on it.
     """
 
     share: float = Field(gt=0, le=1, description="Share of the noise variance that changes slowly.")
@@ -51,7 +51,7 @@ class CorrelatedErrors(Effect):
 
 
 class Bias(Effect):
-    """Error that is drawn once for a run and stays, such as a mount that is off."""
+    """Error that is drawn once per run and stays constant, such as the error of a misaligned mount."""
 
     sigmas: dict[str, NonNegative] = Field(
         min_length=1, description="Standard deviation by component, such as `azimuth_deg: 0.3`."
@@ -67,7 +67,7 @@ class Bias(Effect):
 
 
 class Quantised(Effect):
-    """Rounding of measurements to whole steps."""
+    """Rounding of each measured component to whole multiples of a step."""
 
     steps: dict[str, Positive] = Field(min_length=1, description="Step by component, such as `range_m: 0.2`.")
 

@@ -54,7 +54,6 @@ class Ghosts(Effect):
 
 
 def _images(sensed: Sensed, start: Array, end: Array) -> tuple[Array, Mask]:
-    """Return the measurements of the mirror images in a straight wall, and a mask of the images in view."""
     sensor, target = sensed.sensor, sensed.bodies.target
     pose, velocity = sensed.pose[:, :, None], sensed.velocity[:, :, None]
     length = np.hypot(*(end - start))

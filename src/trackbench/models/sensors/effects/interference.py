@@ -19,7 +19,7 @@ LONGEST_BURST = 10.0
 
 
 class Interference(Effect):
-    """Bursts at random times: a Poisson process with exponential durations.
+    """Bursts of interference at random times: a Poisson process with exponentially distributed durations.
 
     In a burst P_D is lower, and with hidden identities there are more false alarms.
     """

@@ -23,7 +23,7 @@ def gauss_markov(time: Array, time_s: float, white: Array, order: Literal[1, 2] 
     """Sample a stationary Gauss-Markov process of unit variance, whose autocorrelation is 1/e after ``time_s``.
 
     The autocorrelation is ``exp(-|t| / time_s)`` for order 1. For order 2 it is ``(1 + b |t|) exp(-b |t|)`` with ``b =
-    2.146 / time_s``: the process is smooth. Both are exact at any instants, with one draw for each.
+    2.146 / time_s``: the process is smooth. Both are exact at any instants, with one draw per instant.
 
     Source: Gelb (1974), "Applied Optimal Estimation", section 3.8.
 
@@ -41,10 +41,11 @@ def gauss_markov(time: Array, time_s: float, white: Array, order: Literal[1, 2] 
 
 
 def smooth_process(steps: Array, white: Array) -> Array:
-    """Sample a second-order Gauss-Markov process of unit variance, whose autocorrelation is 1/e over a length of 1.
+    """Sample a second-order Gauss-Markov process of unit variance, whose autocorrelation is 1/e at a distance of 1.
 
     Args:
-        steps: ``(instants - 1, ...)`` lengths between consecutive instants, with as many axes as ``white``.
+        steps: ``(instants - 1, ...)`` distances of consecutive instants, in correlation lengths, with as many axes as
+            ``white``.
         white: ``(instants, ...)`` draws of a standard normal.
 
     Returns:
@@ -70,7 +71,7 @@ def _process(steps: Array, white: Array, order: int) -> Array:
 
 @lru_cache(maxsize=8)
 def _weights(steps: bytes, shape: tuple[int, ...], order: int) -> tuple[Array, Array]:
-    """Return the weights of the draws in sums over a spell, and of these sums in the process, alike in all runs.
+    """Return the weights of draws in sums over a group of instants, and of these sums in the process.
 
     Without innovations a process of first order follows ``x <- e^-h x``, a process of second order ``x <- e^-h (x + h
     z)`` and ``z <- e^-h z``. A length t after the instant before the spell, ``e^t (x - t z)`` and ``e^t z`` are sums of
@@ -90,7 +91,7 @@ def _weights(steps: bytes, shape: tuple[int, ...], order: int) -> tuple[Array, A
 
 
 def _innovations(steps: Array) -> Array:
-    """Return the weights of each draw in a second-order process x and in ``z = x + x' / b``.
+    """Return the weights of each instant's draws in a second-order process x and in ``z = x + x' / b``.
 
     Over a step h of ``b t`` they follow ``x <- e^-h (x + h z)`` and ``z <- e^-h z`` plus noise, with variances 1 and 2
     and covariance 1. The draws are the innovations of a Kalman filter that observes x alone.

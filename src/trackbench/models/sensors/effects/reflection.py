@@ -16,7 +16,7 @@ from trackbench.models.sensors.effects.processes import gauss_markov
 class Reflection(Effect):
     """Reflection point of a radar, which wanders about the line from the box's centre to its nearest point.
 
-    The range rate is the point's, with the velocity that a turn of the body gives it.
+    The range rate is that of the point, with the velocity that a turn of the body gives it.
     """
 
     one_of: ClassVar[tuple[str, ...]] = ("toward_sensor", "along_m", "across_m")

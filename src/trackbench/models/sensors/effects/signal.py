@@ -36,20 +36,20 @@ class SignalRange(Config):
     )
 
     def ratio(self, distance: Array) -> Array:
-        """Compute the mean signal-to-noise ratio ``(...)`` of a front or rear at distances in m."""
+        """Compute the mean signal-to-noise ratio ``(...)`` of a vehicle's front or rear at distances in m."""
         return signal_ratio(distance, self.half_range_m)
 
     def variance_factor(self, power: Array) -> Array:
-        """Compute the factor ``(...)`` on the noise variance of the sensor's options for a received power."""
+        """Compute the factor ``(...)`` by which a received power changes the noise variance of the sensor's options."""
         relative = (1.0 + self.ratio(np.array(self.stated_at_m))) / power
         return self.constant_share + (1.0 - self.constant_share) * relative
 
     def mean_variance_factor(self, distance: Array) -> Array:
-        """Average ``variance_factor`` over detections at distances in m, of a vehicle's front or rear."""
+        """Average ``variance_factor`` over the detections of a vehicle's front or rear at distances in m."""
         return self.factor_at_mean(1.0 + self.ratio(distance))
 
     def factor_at_mean(self, mean: Array) -> Array:
-        """Average ``variance_factor`` over all detections with a mean power, ``(...)``.
+        """Average ``variance_factor`` over detections whose received power has the mean ``mean`` ``(...)``.
 
         With the mean power m, the threshold T and x = T / m: ``E[1 / P | P > T] = exp(x) E1(x) / m``, P being
         exponential and E1 the exponential integral.
@@ -63,7 +63,7 @@ class SignalRange(Config):
 
 
 class SignalToNoise(SignalRange, Effect):
-    """Detection and accuracy from one signal-to-noise ratio, by range, aspect and a fluctuating cross-section."""
+    """Detection and accuracy from one signal-to-noise ratio, which depends on range, aspect and a fluctuating echo."""
 
     side_db: float = Field(
         0,
@@ -79,7 +79,7 @@ class SignalToNoise(SignalRange, Effect):
     )
 
     def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
-        """Draw which vehicles are detected, and the noise variances of their measurements.
+        """Draw which vehicles are detected, and the variances of the noise in their measurements.
 
         The received power is ``P = |sqrt(S) s + n|^2``, relative to the noise. S is the mean signal-to-noise ratio, s
         the vehicle's reflection and n the receiver's noise, both complex Gaussian with power 1, so P is exponential
@@ -126,11 +126,13 @@ def received_power(ratio: Array, turned: Array, white: Array) -> Array:
 
     Args:
         ratio: ``(instants, objects, runs or 1)`` mean signal-to-noise ratio.
-        turned: ``(instants - 1, objects, runs or 1)`` change of the aspect over the decorrelating change, at least 0.
-        white: ``(instants, 4, objects, runs)`` draws of a standard normal: two of the reflection, two of the noise.
+        turned: ``(instants - 1, objects, runs or 1)`` change of the aspect, in multiples of the change that
+            decorrelates it to 1/e, at least 0.
+        white: ``(instants, 4, objects, runs)`` draws of a standard normal: two for the vehicle's reflection, two for
+            the receiver's noise.
 
     Returns:
-        ``(instants, objects, runs)``, exponential with mean ``1 + ratio``.
+        powers ``(instants, objects, runs)``, exponentially distributed with mean ``1 + ratio``.
     """
     parts = np.sqrt(ratio)[:, None] * smooth_process(turned[:, None], white[:, :2]) + white[:, 2:]
     return np.asarray(0.5 * (parts**2).sum(axis=1))

@@ -53,9 +53,9 @@ class JudgedDrive(NamedTuple):
     errors: Errors
     reference: Errors
     scored: Mask
-    """Scans ``(scans,)`` at which the covariance is judged."""
+    """Whether the covariance is judged at each scan ``(scans,)``."""
     measured: Mask
-    """Scans ``(scans,)`` at which the position is judged."""
+    """Whether the position is judged at each scan ``(scans,)``."""
 
     @property
     def rms(self) -> tuple[float, float]:
@@ -64,16 +64,16 @@ class JudgedDrive(NamedTuple):
 
     @property
     def far(self) -> float:
-        """Position error relative to the largest that is allowed; the tracker is too far off above 1."""
+        """RMS position error divided by the largest allowed one; above 1 the tracker is too far off."""
         error, reference_error = self.rms
         return error / max(FAR * reference_error, NEAR)
 
     def nees(self, part: str) -> float:
-        """Return the mean NEES of the tracker where the covariance is judged."""
+        """Return the tracker's mean NEES of the position or velocity where the covariance is judged."""
         return _mean(self.errors.nees[part][self.scored])
 
     def nees_of_reference(self, part: str) -> float:
-        """Return the mean NEES of the reference where the covariance is judged."""
+        """Return the reference's mean NEES of the position or velocity where the covariance is judged."""
         return _mean(self.reference.nees[part][self.scored])
 
     @property
@@ -82,7 +82,7 @@ class JudgedDrive(NamedTuple):
         return self.far <= 1.0 and not any(self.unbelievable(part) > 1.0 for part in PARTS)
 
     def unbelievable(self, part: str) -> float:
-        """Return the factor by which the NEES is beyond a bound; below 1 where it is within."""
+        """Return the factor by which the NEES of position or velocity is beyond a bound; below 1 where it is within."""
         share = self.nees(part) / 2.0
         return max(NEES[0] / max(share, 1e-12), share / (NEES[1] * self.drive.config.mismatch))
 
@@ -115,7 +115,7 @@ class JudgedDrive(NamedTuple):
     },
 )
 def drives(tracker: TrackerUnderTest) -> PartResult:
-    """Run every test drive, with the measurements that the reference had."""
+    """Run every test drive, with the measurements that the reference tracker had."""
     result = PartResult()
     judged = []
     for drive, outcome in tracker.once(judge_drives):
@@ -135,7 +135,7 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
 
 
 def judge_drives(tracker: TrackerUnderTest) -> list[tuple[TestDrive, JudgedDrive | StepFailed]]:
-    """Return every test drive with its judgement, or with the step that failed in it."""
+    """Step the tracker through every test drive; return each with its judgement or the step that failed in it."""
     outcomes: list[tuple[TestDrive, JudgedDrive | StepFailed]] = []
     for drive, reference in tracker.drives:
         try:
@@ -150,9 +150,9 @@ def judge_drives(tracker: TrackerUnderTest) -> list[tuple[TestDrive, JudgedDrive
 def harmless(tracker: TrackerUnderTest) -> str | None:
     """Return a sentence with numbers if the drives show no harm; None if they show harm, or nothing was driven.
 
-    A gain that does not follow from the returned covariance is a fault only with harm. Harm is a position error of
-    `HARM` times that of a Kalman filter with the same components of the measurements, or a covariance that does not fit
-    the errors.
+    A gain that does not follow from the returned covariance is a fault only with harm. Harm is a position error above
+    1.5 times the one of a Kalman filter with the same measured components. Harm is also a NEES that differs from the
+    reference's by a factor of 4 or more.
     """
     outcomes = [outcome for _, outcome in tracker.once(judge_drives)]
     judged = [outcome for outcome in outcomes if isinstance(outcome, JudgedDrive) and outcome.believable]
@@ -198,7 +198,7 @@ def _judge(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedDr
 
 
 def _course_unknown(estimates: Rollout, scan: int) -> Mask:
-    """Return whether the stated variance of the velocity before a scan exceeds its square ``(runs,)``."""
+    """Return in which runs ``(runs,)`` the stated variance of the velocity before a scan exceeds the squared speed."""
     variance = np.einsum("ii...->...", estimates.covariance[2:, 2:, scan - 1])
     return np.asarray(variance > np.sum(estimates.mean[2:, scan - 1] ** 2, axis=0))
 
@@ -261,7 +261,7 @@ def _compare_with_errors(nees: float) -> str:
 
 
 def _interval(judged: JudgedDrive, values: Array, where: Mask, *, largest: bool) -> tuple[float, Mask]:
-    """Return the second of a run with the largest or least mean: its start, s, and its estimates ``(scans, runs)``."""
+    """Find the 1 s of a run with the largest or least mean value; return its start, s, and mask ``(scans, runs)``."""
     time = judged.drive.time
     best: tuple[float, float, Mask, int] | None = None
     for begin in np.arange(np.floor(time[where].min()), time[where].max() + 1e-9, SHOWN):

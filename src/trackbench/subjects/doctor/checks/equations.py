@@ -115,7 +115,7 @@ TARGETS = 3
     },
 )
 def equations(tracker: TrackerUnderTest) -> PartResult:
-    """Put chosen beliefs into a filter whose mean and covariance are found, and check each equation on its answers."""
+    """Put chosen means and covariances into the filter in place of its own, and check each equation on its answers."""
     answers = tracker.once(equation_answers)
     if not answers.targets:
         return PartResult()
@@ -131,18 +131,18 @@ def equations(tracker: TrackerUnderTest) -> PartResult:
 
 
 class EquationAnswers(NamedTuple):
-    """Wrong equations of a tracker, and the sensors whose gains are right."""
+    """Equations of a filter that do not hold, and the sensors whose gains are right."""
 
     targets: int
-    """Number of targets that were tried, up to the first with a wrong equation; 0 where no belief is found."""
+    """Number of targets tried, up to the first with a wrong equation; 0 where no mean and covariance are found."""
     findings: tuple[Finding, ...]
-    """Wrong equations at the last target."""
+    """Equations that do not hold at the last target."""
     right: frozenset[str]
     """Names of the sensors whose gains follow from the held covariance at all targets."""
 
 
 def equation_answers(tracker: TrackerUnderTest) -> EquationAnswers:
-    """Return the wrong equations of a tracker, tried at a few targets."""
+    """Return the filter's equations that do not hold at the first target with any, of three targets at most."""
     target_count, right = 0, set(tracker.sensors)
     for probe in () if tracker.random or tracker.repeats > 1 else tracker.probes.general[:TARGETS]:
         session = tracker.session_of_most(probe)
@@ -167,7 +167,7 @@ def _prediction_fault(held: OwnFilter) -> Finding | None:
 
 
 def _motion_fault(held: OwnFilter) -> Finding | None:
-    """Report a prediction that moves covariances otherwise than the mean."""
+    """Report a prediction whose covariance is not moved by the motion that moves the mean."""
     scan = empty_scan(held.session.scans[-1]._replace(time=held.time + OVER))
     narrow = NARROW * held.covariance
     right = held.derivative(scan, lambda after: after.mean, narrow)
@@ -221,7 +221,7 @@ def _noise_fault(held: OwnFilter) -> Finding | None:
 
 
 def _spread_about_old_mean(held: OwnFilter, noises: Array, *means: Array) -> Finding | None:
-    """Report a covariance that grows by the square of the motion, over a short and over a long time."""
+    """Report that a covariance of zero grows by the square of the predicted motion, over a short and a long time."""
     shares = []
     for noise, mean in zip((noises[0], noises[-1]), means, strict=True):
         moved = mean - held.mean
@@ -238,7 +238,7 @@ def _spread_about_old_mean(held: OwnFilter, noises: Array, *means: Array) -> Fin
 
 
 def _falling_noise(noises: Array) -> Finding | None:
-    """Report a variance of the state to which a longer prediction adds less."""
+    """Report a state whose variance grows less the longer a prediction is."""
     added = np.diagonal(noises, axis1=1, axis2=2)
     falling = np.flatnonzero((np.diff(added, axis=0) < -FALLS * added[:-1]).all(axis=0))
     if not len(falling):
@@ -261,7 +261,7 @@ def _noise_added_twice(assigned: Sequence[Assigned], noise: Array) -> Finding | 
 
 
 def _noise_of_another_order(noise: Array) -> Finding | None:
-    """Report a noise that moves px and py alike, and neither with its own velocity."""
+    """Report a process noise that correlates px with py, and neither of them with its own velocity."""
     spread = np.sqrt(np.maximum(np.diag(noise), np.finfo(float).tiny))
     correlation = np.abs(noise) / np.outer(spread, spread)
     if min(correlation[0, 1], correlation[2, 3]) < TIED or max(correlation[0, 2], correlation[1, 3]) > UNTIED:

@@ -113,7 +113,7 @@ EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
     },
 )
 def expectation(tracker: TrackerUnderTest) -> PartResult:
-    """Try the measurements that the right and the wrong models predict, to find the one that has no innovation."""
+    """Try measurements predicted by right and wrong models, to find the model that the tracker itself predicts with."""
     result = PartResult()
     for sensor, trials in tracker.trials.items():
         zero = ZERO + ERRORS * tracker.once(sampling_noise) if trials else ZERO
@@ -197,7 +197,6 @@ def _unused_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
 
 
 def _singular_ratio(gain: Array) -> float:
-    """Return the least singular value divided by the largest."""
     values = np.linalg.svd(gain, compute_uv=False)
     return float(values[-1] / max(values[0], np.finfo(float).tiny))
 
@@ -225,7 +224,7 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -
 
 
 def _share_without_innovation(trials: Sequence[Trial], model: WrongModel, zero: float) -> float:
-    """Return the share of the trials in which a model's prediction has no innovation; 0 where it is below ``MOST``."""
+    """Return the share of the trials in which a model's prediction has no innovation; 0 where it is below 85 %."""
     remaining = len(trials)
     for trial in trials:
         remaining -= _innovation(trial, _measured(trial, model)) >= zero
@@ -235,7 +234,7 @@ def _share_without_innovation(trials: Sequence[Trial], model: WrongModel, zero: 
 
 
 def _innovation(trial: Trial, measurement: Array) -> float:
-    """Return the largest component of the innovation applied to a measurement, in sigma; infinite where unknown."""
+    """Return the magnitude of the largest innovation that an update shows, in sigma; infinite where unknown."""
     update = trial.update(measurement)
     if update is None or not update.used.any():
         return np.inf

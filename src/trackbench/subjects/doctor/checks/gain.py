@@ -23,7 +23,7 @@ SAME_FACTOR = 0.1
 
 
 def merge_wrong_gains(result: PartResult, tracker: TrackerUnderTest) -> PartResult:
-    """Return the result with one finding where the gains of every sensor are wrong, instead of unrelated Jacobians."""
+    """Merge the findings of a wrong Jacobian, where every sensor has one, into one finding of inconsistent gains."""
     wrong = [finding for finding in result.findings if finding.fault == "jacobian_wrong"]
     if len(wrong) < 2 or len(wrong) < len(tracker.sensors):
         return result
@@ -33,7 +33,7 @@ def merge_wrong_gains(result: PartResult, tracker: TrackerUnderTest) -> PartResu
 
 
 def excuse_inflation(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
-    """Return the result without findings of one noise factor in all sensors, where the factor does no harm.
+    """Drop findings that the noise of all sensors is too large by one factor, if the drives show no harm.
 
     The gains are then those of the stated noise, made of a smaller covariance than the returned one.
     """
@@ -105,7 +105,7 @@ OWN_NOISE = (
     },
 )
 def gain(tracker: TrackerUnderTest) -> PartResult:
-    """Compute the implied Jacobian and noise at the regular probes, and compare with the right ones."""
+    """Compute the Jacobian and the noise that gains imply at the regular probes, and compare with the right ones."""
     result = PartResult()
     for sensor, trials in tracker.trials.items():
         name = f"gain.{sensor}"
@@ -149,9 +149,9 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _excusable(tracker: TrackerUnderTest, rows: Sequence[ImpliedModel], findings: Sequence[Finding]) -> bool:
-    """Return whether the findings are a way of filtering, and no fault, where the drives show no harm.
+    """Return whether the findings are no fault as long as the drives show no harm.
 
-    Such are a noise somewhat larger than stated, and a gain that is no Kalman gain and no line's wrong Jacobian.
+    These are a noise somewhat larger than stated, and a gain that is neither a Kalman gain nor of a wrong Jacobian.
     """
     if all(finding.fault == "r_too_large" for finding in findings):
         return all(finding.factor is not None and finding.factor < CAUTIOUS for finding in findings)
@@ -163,16 +163,16 @@ def _excusable(tracker: TrackerUnderTest, rows: Sequence[ImpliedModel], findings
 
 
 def _mixes(rows: Sequence[ImpliedModel]) -> bool:
-    """Return whether the tracker says that its estimates mix several models: their gains are no single filter's."""
+    """Return whether the tracker states probabilities of several models: its gains are not of a single filter."""
     probabilities = rows[0].trial.prediction.mode_probabilities
     return probabilities is not None and len(probabilities) > 1
 
 
 def _fits_another_jacobian(rows: Sequence[ImpliedModel]) -> bool:
-    """Return whether the gains are those of a Kalman filter with another Jacobian and a noise of its own.
+    """Return whether a Kalman filter with a wrong Jacobian, and one noise in all trials, explains the gains.
 
-    The noise with which the implied Jacobian gives the gain is then the same in all trials. It is not where hidden
-    states or weights are added. Nor does a Jacobian depend on the other sensors that measured the target before.
+    Hidden states or weights would need another noise in each trial. If the gains are right for targets that one sensor
+    alone has measured, the Jacobian is right: it does not depend on other sensors.
     """
     single = [row for row in rows if len(row.trial.sensor_set) == 1]
     if len(single) < len(rows) and single and all(_is_right(row) for row in single):
@@ -237,13 +237,13 @@ def _jacobian_findings(
 
 
 def _is_right(row: ImpliedModel) -> bool:
-    """Return whether the gain is right; its model of a measurement with little weight may then be rounding."""
+    """Return whether the gain is within 0.5 % of the right one: errors of the implied model are rounding then."""
     update = row.trial.update(row.trial.predicted_measurement)
     return update is not None and gain_error(row.trial, update.gain)[0] < RIGHT
 
 
 def _describe_row(direction: Array, size: Array, turned: Mask, scaled: Mask) -> str:
-    """Describe the error of a row in direction and length, by medians over the trials in which it is wrong."""
+    """Describe the error of a Jacobian row in direction and length, by medians over the trials in which it is wrong."""
     turn, lengths = float(np.median(direction[turned])) if turned.any() else 0.0, size[turned | scaled]
     length = float(np.median(lengths))
     parts = [f"is off by {turn:.0%} in direction"] if turned.any() and length > 0.0 else []
@@ -254,7 +254,7 @@ def _describe_row(direction: Array, size: Array, turned: Mask, scaled: Mask) -> 
 
 
 def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confidence: float) -> Finding:
-    """Report the gain that is farthest from the one of the tracker's own prediction."""
+    """Report the gain that is farthest from the right gain for the tracker's own predicted covariance."""
     worst: tuple[float, ImpliedModel, Array, Array] | None = None
     for row in rows:
         update = row.trial.update(row.trial.predicted_measurement)

@@ -25,12 +25,12 @@ ERRORS = 3.0
 
 
 def _noises(rows: Sequence[ImpliedModel]) -> Array:
-    """Return the implied over the stated variances ``(n, m)``; NaN where a Jacobian row points elsewhere."""
+    """Return implied over stated noise variances ``(n, m)`` of n trials; NaN where a row of the Jacobian is wrong."""
     return np.array([np.where(row.direction < 2 * DIRECTION, row.noise, np.nan) for row in rows])
 
 
 def noise_factors(rows: Sequence[ImpliedModel]) -> Array:
-    """Return the medians ``(m,)`` of the implied over the stated variances; NaN where there are too few."""
+    """Return the trials' medians ``(m,)`` of the implied over the stated variances; NaN with fewer than 3 trials."""
     noise = _noises(rows)
     is_known = np.isfinite(noise).sum(axis=0) >= 3
     return np.array([np.nanmedian(noise[:, i]) if is_known[i] else np.nan for i in range(noise.shape[1])])
@@ -75,6 +75,6 @@ def wrong_noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingError
 
 
 def _confused_with_deviations(noise: Array, sigma: Array, wrong: Indices) -> str:
-    """Return words on standard deviations used as variances, where that explains every component."""
+    """Return a note that standard deviations are used as variances, if that explains all ratios; else an empty text."""
     medians = np.array([np.nanmedian(noise[:, i]) for i in wrong])
     return ": standard deviations used as variances" if np.all(np.abs(np.log(medians * sigma[wrong])) < SAME) else ""

@@ -42,7 +42,7 @@ AHEAD, GROWN = 0.4, 1.05
     },
 )
 def same_instant(tracker: TrackerUnderTest) -> PartResult:
-    """Give measurements of two sensors at one instant, in both orders."""
+    """Give measurements of two sensors at one instant, in both orders: the second must move the estimate too."""
     counts: dict[tuple[str, str], list[bool]] = {}
     for probe in tracker.probes.general[:3]:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
@@ -70,7 +70,7 @@ def same_instant(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _moved_by(session: TrackerSession, scans: Sequence[Scan]) -> float:
-    """Return the change of the last estimate by a change of the last measurement, m and m/s; 0 without estimates."""
+    """Return how far the last mean moves, m and m/s, if the last measurement moves by 2 sigma; 0 without estimates."""
     *before, last = scans
     aside = last._replace(measurement=last.measurement + ASIDE * np.sqrt(np.diag(last.noise_covariance)))
     first, second = (session.copy().follow([*before, scan])[-1] for scan in (last, aside))
@@ -107,7 +107,7 @@ def _moved_by(session: TrackerSession, scans: Sequence[Scan]) -> float:
     },
 )
 def late_measurements(tracker: TrackerUnderTest) -> PartResult:
-    """Give old scans without noise, of sensors that are late in the scenario: they tell nothing that is not known."""
+    """Give old noise-free scans of sensors that are late in the scenario, which must not change the estimate much."""
     result = PartResult()
     for name, latency in tracker.assumptions.late.items():
         age = float(np.clip(latency, *AGES))
@@ -140,7 +140,7 @@ def late_measurements(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _ask_at_zero(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> list[Estimate]:
-    """Return the estimates at time 0: without an old scan, with it, and with it as if it were new."""
+    """Return the estimates at time 0: without an old scan, with the old scan, and with the old scan dated as new."""
     sensor_set = tracker.sensor_sets()[-1]
     session, latest = tracker.session_at(probe, sensor_set), tracker.approach(probe, sensor_set)[-1].time
     old = tracker.scan(probe, name, latest - age)._replace(arrival_time=latest)

@@ -121,7 +121,7 @@ def modes(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _mixing_fault(steps: Sequence[BankStep]) -> Finding | None:
-    """Report wrong mixtures from which the models start, if most steps have them."""
+    """Report wrong mixtures from which the models start in most steps."""
     mixed = [(step, *step.mixed(step.transition)) for step in steps]
     # The more equal the probabilities, the more the mixtures differ.
     step, mean, covariance = max(mixed, key=lambda entry: entry[0].before.probability.min())
@@ -147,7 +147,7 @@ def _mostly(are_right: Iterable[bool]) -> bool:
 
 
 def _find_line(step: BankStep, right: Array, before: Array) -> str:
-    """Name the line before the prediction that is nearest to a right value of a model, and is not right itself."""
+    """Name the line before the prediction whose value is nearest to a right one without being right."""
     later = (k for k, entry in enumerate(step.assigned) if Pool([entry.value]).has(step.predicted.mean[0]))
     closest = nearest_assigned(step.assigned[: next(later, None)], right, before)
     if closest is None:
@@ -177,7 +177,7 @@ def _mixing(step: BankStep, text: str) -> Finding:
 
 
 def _probability_fault(steps: Sequence[BankStep]) -> Finding | None:
-    """Report wrong probabilities after a measurement, if most steps that show them have them."""
+    """Report probabilities that are wrong after most measurements that tell the models apart."""
     total = float(steps[-1].after.probability.sum())
     if abs(total - 1.0) > ROUNDED:
         text = f"the probabilities of the models add up to {total:.4g} after a measurement"
@@ -214,7 +214,7 @@ def _probability_fault(steps: Sequence[BankStep]) -> Finding | None:
 
 
 def _follows(step: BankStep, used: slice) -> bool:
-    """Return whether the probabilities follow from the right likelihoods, or from those that the updates show."""
+    """Return whether the probabilities follow from the right likelihoods, or from those that the updates imply."""
     possible = (_factors(step, used), *map(step.implied_likelihoods, USED))
     return any(_error(step, factors) <= _tolerance(step) for factors in possible)
 
@@ -236,19 +236,19 @@ def _wrong_probabilities(wrong: Sequence[BankStep], telling: Sequence[BankStep],
 def _factors(
     step: BankStep, used: slice, rule: Callable[[ModelInnovation, float, float], float] = lambda y, *_: _density(y)
 ) -> Array:
-    """Return the logarithms ``(m,)`` of the factors that a rule gives for the probabilities."""
+    """Return the logarithms ``(m,)`` of the factors by which ``rule`` multiplies the models' probabilities."""
     before, after = step.before.probability, step.prior(step.transition)
     return np.array([rule(step.innovation(j, used), before[j], after[j]) for j in range(len(after))])
 
 
 def _median_error(steps: Sequence[BankStep], used: slice) -> float:
-    """Return the median error of the factors, relative to how much they differ between the models."""
+    """Return the steps' median error of `_factors`, relative to how much the factors differ between the models."""
     pairs = [(step, _factors(step, used)) for step in steps]
     return float(np.median([_error(step, logs) / max(float(np.ptp(logs)), TOLD[0]) for step, logs in pairs] or [0.0]))
 
 
 def _error(step: BankStep, factors: Array) -> float:
-    """Return the largest error of the logarithm of a ratio of probabilities."""
+    """Return the largest error of the logarithm of a ratio of two models' probabilities."""
     return float(np.ptp(step.log_factors - factors))
 
 

@@ -60,7 +60,7 @@ DEFINITE = 1e-6
     },
 )
 def course(tracker: TrackerUnderTest) -> PartResult:
-    """Predict targets over a tenth of a second, and over an instant after a measurement."""
+    """Predict targets over a tenth of a second, and over an instant after a measurement; compare with the velocity."""
     sensor, velocities, motions, changes = next(iter(tracker.sensors)), list[Array](), list[Array](), list[float]()
     for probe in tracker.probes.general:
         session, estimates = tracker.session_of_most(probe), tracker.predicted(probe, STEP)
@@ -116,7 +116,7 @@ def course(tracker: TrackerUnderTest) -> PartResult:
     },
 )
 def no_time(tracker: TrackerUnderTest) -> PartResult:
-    """Predict over no time, after the first estimate and a missed scan."""
+    """Predict over no time after the first estimate and a missed scan, and compare the covariances before and after."""
     if tracker.random or tracker.repeats > 1:
         return PartResult().add("no_time", None, "it draws samples of its own")
     targets = [(probe, name) for probe in tracker.probes.general for name in tracker.sensors]
@@ -139,12 +139,12 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _then_missed(session: TrackerSession, scan: Scan, later: float) -> list[Estimate | None]:
-    """Return the estimates of a copy at a scan, and at a missed scan ``later`` s after it."""
+    """Return the estimates of a copy of the session at a scan, and at a missed scan ``later`` s after that scan."""
     return session.copy().follow([scan, empty_scan(scan._replace(time=scan.time + later))])
 
 
 def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[tuple[Array, Array]]:
-    """Yield the covariances before and after a prediction over no time, if sigma points can have the first one."""
+    """Yield the covariances before and after a prediction over no time, if the first one is positive definite."""
     session = TrackerSession(tracker.make)
     with tracker.recording_failures(probe.name):
         for scan in tracker.approach(probe, (name,)):

@@ -49,7 +49,7 @@ SHUT = 0.5
     },
 )
 def gate(tracker: TrackerUnderTest) -> PartResult:
-    """Try a likely measurement after a gap, and measurements far off for a second."""
+    """Try a likely measurement after a gap, which must count, and far ones for 1 s, after which the gate must widen."""
     narrow = [finding for name in tracker.sensors if (finding := _rejects_likely(tracker, name)) is not None]
     if narrow:
         finding = narrow[0] if len(narrow) < len(tracker.sensors) else replace(narrow[0], sensor=None)
@@ -79,14 +79,14 @@ def gate(tracker: TrackerUnderTest) -> PartResult:
     },
 )
 def outliers(tracker: TrackerUnderTest) -> PartResult:
-    """Try one wild measurement, and right ones after it."""
+    """Try one wild measurement and right ones after it, and look whether the estimate comes back to the target."""
     lost = next((lost for name in tracker.sensors if (lost := _lost_after(tracker, name)) is not None), None)
     text = f"{RECOVERY:g} s after one wild measurement the estimate is at the target again"
     return PartResult().add_evidence("outliers", lost, text)
 
 
 def _rejects_likely(tracker: TrackerUnderTest, name: str) -> Finding | None:
-    """Report measurements within the tracker's own covariance that change nothing, while one at its centre does."""
+    """Report that a measurement 1.5 sigma from the prediction changes nothing, while the predicted measurement does."""
     unused = []
     for probe in tracker.probes.general:
         session = tracker.session_of_most(probe)
@@ -109,7 +109,7 @@ def _rejects_likely(tracker: TrackerUnderTest, name: str) -> Finding | None:
 
 
 def _likely_state(prediction: Estimate) -> Array:
-    """Return the state ``ASIDE`` standard deviations off the predicted one, along its least certain position."""
+    """Return the state 1.5 standard deviations off the predicted one, where its position is least certain."""
     variances, axes = np.linalg.eigh(prediction.covariance[:2, :2])
     position = ASIDE * np.sqrt(max(variances[1], 0.0)) * axes[:, 1]
     of_position = prediction.covariance[:, :2] @ np.linalg.pinv(prediction.covariance[:2, :2])
@@ -187,7 +187,7 @@ def _nearly_equal(probabilities: Array, expected: Array) -> bool:
 def _estimate_after(
     tracker: TrackerUnderTest, session: TrackerSession, scans: Sequence[Scan]
 ) -> tuple[Estimate | None, Array | None]:
-    """Return the last estimate of a copy, or the first that is not finite, and its models' probabilities ``(m,)``."""
+    """Step a copy, until an estimate is not finite; return the last one and the models' probabilities ``(m,)``."""
     twin, estimate = session.copy(), None
     for scan in scans:
         estimate = twin.step(scan)

@@ -33,14 +33,14 @@ LATER, MISSED = 0.4, 0.25
 
 
 class PredictedStep(NamedTuple):
-    """A prediction over a time step."""
+    """A prediction without measurements over a time step that follows a previous one."""
 
     step: float
-    """s"""
+    """Length of the step, s."""
     moved: float
-    """Displacement along the velocity over the speed, s: the step that the tracker used."""
+    """Displacement along the velocity divided by the speed, s: the time step that the tracker used."""
     previous: float
-    """Time step before this one, s."""
+    """Length of the step before this one, s."""
     before: Estimate
     after: Estimate
 
@@ -75,7 +75,7 @@ class PredictedStep(NamedTuple):
     },
 )
 def motion_prediction(tracker: TrackerUnderTest) -> PartResult:
-    """Predict over steps of several lengths, each after previous steps of two lengths."""
+    """Predict over steps of several lengths, and compare the motion with the velocity times the step."""
     steps = [item for probe in tracker.probes.general[:2] for item in _predicted_steps(tracker, probe)]
     if len(steps) < len(STEPS):
         return PartResult().add("prediction", None, "there was no moving estimate to predict")
@@ -134,7 +134,7 @@ def _explain(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Findi
 
 
 def _unit(ratio: float) -> tuple[str, float] | None:
-    """Return the unit that is confused with seconds, and the ratio of both; None where no unit fits."""
+    """Return the unit of time that is confused with seconds, and the ratio of both; None where no unit fits."""
     for name, size in UNITS.items():
         for exact in (size, 1.0 / size):
             if ratio > 0.0 and abs(np.log(ratio / exact)) < FAR_APART:
@@ -143,7 +143,7 @@ def _unit(ratio: float) -> tuple[str, float] | None:
 
 
 def _other_time(steps: Sequence[PredictedStep]) -> Finding | None:
-    """Report straight motion along the velocity over other times than the steps, such as cut or rounded ones."""
+    """Report predictions straight along the velocity over wrong times, such as cut or rounded steps."""
     wrong = [step for step in steps if abs(step.moved - step.step) > TOLERANCE * max(step.step, 0.02)]
     if np.mean([step.straight for step in steps]) < MOST:
         return None
@@ -153,7 +153,7 @@ def _other_time(steps: Sequence[PredictedStep]) -> Finding | None:
 
 
 def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
-    """Return the position error after a noise-free measurement, m; None unless the tracker predicted to its time."""
+    """Return the position error after a noise-free measurement, m; None if the estimate lags behind the target."""
     errors = []
     sensor_set = tracker.sensor_sets()[-1]
     for probe in tracker.probes.general[:2]:

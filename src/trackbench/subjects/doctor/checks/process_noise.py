@@ -115,7 +115,7 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
-    """Add the check whether the variance of the velocity grows with the step, as with any white noise."""
+    """Add the answer whether the variance of the velocity grows with the time step, as white noise makes it."""
     pairs = []
     for probe in tracker.probes.general[:3]:
         estimates = [tracker.predicted(probe, step) for step in STEPS]

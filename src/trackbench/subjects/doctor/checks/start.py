@@ -29,7 +29,7 @@ SCANS = 16
 
 
 class FirstEstimate(NamedTuple):
-    """The first estimate of a track."""
+    """First estimate of a track, with the true state and the scans until then."""
 
     probe: Probe
     scan: Scan
@@ -41,17 +41,17 @@ class FirstEstimate(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """A target that one sensor measures from time 0 on."""
+    """A target with its noisy measurements by one sensor from time 0 on."""
 
     probe: Probe
     name: str
     """Name of the sensor."""
     sensor: Sensor
     noise: Array
-    """Noise ``(SCANS, m)`` of the measurements, in standard deviations."""
+    """Noise ``(scans, m)`` of the measurements, in standard deviations."""
 
     def time(self, k: int) -> float:
-        """Return the time of a scan, s."""
+        """Return the time of scan number ``k``, s."""
         return k / probe_rate(self.sensor)
 
     def scan(self, k: int) -> Scan:
@@ -62,7 +62,7 @@ class Approach(NamedTuple):
 def first_estimates(
     tracker: TrackerUnderTest, probes: Sequence[Probe], name: str, random: np.random.Generator | None = None
 ) -> list[FirstEstimate | None]:
-    """Return the first estimate of a track of each target with one sensor; None where it fails or does not start.
+    """Return the first estimate of a track of each target with one sensor; None where a track fails or never starts.
 
     Args:
         tracker: tracker whose tracks start.
@@ -122,7 +122,7 @@ def _start_tracks(tracker: TrackerUnderTest, targets: Sequence[Approach]) -> lis
     },
 )
 def first_position(tracker: TrackerUnderTest) -> PartResult:
-    """Start tracks without noise at many probes with each sensor alone."""
+    """Start tracks without noise at many probes with each sensor alone, and compare first positions with the truth."""
     result = PartResult()
     for name, sensor in tracker.sensors.items():
         firsts = first_estimates(tracker, tracker.probes.general, name)
@@ -143,7 +143,7 @@ def first_position(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _another_order(firsts: Sequence[FirstEstimate]) -> Finding | None:
-    """Report first estimates that are at their targets if their components are taken in another order."""
+    """Report first estimates that are at their targets once px, py, vx, vy are read in a different order."""
     for names, order in ORDERS.items():
         errors = [np.hypot(*(first.estimate.mean[order] - first.truth)[:2]) for first in firsts]
         if all(error < _allowed(first) for error, first in zip(errors, firsts, strict=True)):
@@ -185,7 +185,7 @@ def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
 
 
 def _along(first: FirstEstimate, vector: Array) -> float:
-    """Return the component of a vector along the line of sight."""
+    """Return the component of a vector along the line of sight from the sensor to the target."""
     sight = first.truth[:2] - first.scan.sensor_pose[:2]
     return float(vector @ sight / np.hypot(*sight))
 

@@ -55,7 +55,7 @@ LEAST = 3
     },
 )
 def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
-    """Look whether the covariances change, and whether the gains are made of them."""
+    """Compare returned covariances with each other, and with the covariances that the gains are made of."""
     if not any(tracker.trials.values()):
         return PartResult().add("stated_covariance", None, "there was no estimate to update")
     rule = "it changes, and the gains imply no other covariance"
@@ -70,7 +70,7 @@ def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
 
 
 def _constant(tracker: TrackerUnderTest) -> Finding | None:
-    """Report one covariance that is the same after measurements and without."""
+    """Report a covariance that is the same in all estimates, with a measurement and without."""
     pairs = [pair for probe in tracker.probes.general if (pair := tracker.predicted(probe, LATER)) is not None]
     trials = [trial for of_sensor in tracker.trials.values() for trial in of_sensor]
     updated = [after for trial in trials if (after := trial.posterior(trial.predicted_measurement)) is not None]
@@ -93,19 +93,19 @@ def _constant(tracker: TrackerUnderTest) -> Finding | None:
 
 
 class OwnCovariance(NamedTuple):
-    """Covariance that the gains of two sensors at one target are made of."""
+    """Covariance that the gains of two sensors at one target imply, beside the returned one."""
 
     trial: Trial
     own: Array
-    """Covariance ``(4, 2)`` of the state with the position, mean of the two sensors."""
+    """Covariance ``(4, 2)`` of the state with the position, as the mean of those by the two sensors."""
     gap: float
-    """Difference between the two sensors, relative to the covariance."""
+    """Difference between the covariances by the two sensors, relative to ``own``."""
     distance: float
-    """Distance from the nearest multiple of the returned covariance, relative to ``own``."""
+    """Distance of ``own`` from the nearest multiple of the returned covariance, relative to ``own``."""
 
 
 def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
-    """Report that the gains of all sensors are made of one covariance, and another one is returned."""
+    """Report that the gains of all sensors are made of one covariance, and a different one is returned."""
     if has_samples(tracker):
         return None
     targets = _own_covariances(list(tracker.trials.values()))
@@ -128,7 +128,7 @@ def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
 
 
 def _own_covariances(of_sensors: Sequence[Sequence[Trial]]) -> list[OwnCovariance]:
-    """Return the tracker's own covariance at each target that two sensors measure after the same scans."""
+    """Return the covariance that gains are made of at each target that two sensors measure after the same scans."""
     columns_of: dict[tuple[str, tuple[str, ...]], list[tuple[Trial, Array]]] = {}
     for trials in of_sensors:
         for trial in trials:
@@ -154,7 +154,7 @@ def _own_covariances(of_sensors: Sequence[Sequence[Trial]]) -> list[OwnCovarianc
 
 
 def _columns_by_gain(trial: Trial) -> Array | None:
-    """Return the columns ``P H^T`` of the position ``(4, 2)`` by a gain; None unless two components measure it."""
+    """Return the covariance ``(4, 2)`` of state and position implied by a gain; None where no position is measured."""
     # A curved model counts too: where the returned covariance is too large, the model may only seem curved.
 
     update = trial.update(trial.predicted_measurement)

@@ -95,7 +95,7 @@ def require_runnable(tracker: TrackerUnderTest) -> None:
     },
 )
 def steps(tracker: TrackerUnderTest) -> PartResult:
-    """Report on the steps that failed in all other checks."""
+    """Report the steps that failed while the checks before were made, with their causes."""
     findings, failed = failure_findings(tracker), tracker.failures
     text = "no step failed" if not failed else f"{counted(len(failed), 'step')} failed, first: {_sentence(*failed[0])}"
     return PartResult().add("steps", not findings, text, *findings)
@@ -173,7 +173,7 @@ def _in_drive(tracker: TrackerUnderTest, where: str) -> bool:
 
 
 def fault_of_error(failure: StepFailed) -> str:
-    """Return the fault that the error alone shows."""
+    """Return the name of the fault that the error of a failed step shows without a repetition."""
     fault = failure.fault
     if fault.cause.startswith(NOT_COPIED):
         return "not_deterministic"
@@ -187,7 +187,7 @@ def fault_of_error(failure: StepFailed) -> str:
 
 
 def _cause(tracker: TrackerUnderTest, failure: StepFailed) -> Cause | None:
-    """Return the fault that a repetition of the scans shows; None where it shows none."""
+    """Repeat the scans of a failed step, and return the fault of the covariance that shows; None where none shows."""
     if fault_of_error(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE):
         return None
     step = first_indefinite_step(tracker.make, [*failure.earlier_scans, failure.scan])

@@ -49,20 +49,20 @@ TIMES_ADDED = (2, 3)
 
 
 class UpdateAnswers(NamedTuple):
-    """Changes of a belief by measurements near the predicted one; m components of a measurement change the estimate."""
+    """Answers of a filter with n states to measurements near the predicted one; m components move the estimate."""
 
     covariance: Array
     """Predicted covariance P ``(n, n)``."""
     after: tuple[Array, Array]
-    """Covariances ``(n, n)`` held an instant after the predicted measurement; the second without the growth since."""
+    """Updated covariance ``(n, n)``, twice: as held an instant later, and with that instant's growth removed."""
     gain: Array
-    """Derivative ``(n, m)`` of the mean held an instant after a measurement, by the measurement."""
+    """Derivative ``(n, m)`` by the measurement of the mean that is held an instant later."""
     jacobian: Array
-    """Right Jacobian H ``(m, n)``."""
+    """Right Jacobian H ``(m, n)`` of the measurement by the state."""
     noise: Array
     """Stated noise covariance R ``(m, m)``."""
     kept: dict[str, float]
-    """Shares of the changes of the returned mean and covariance that are left an instant later, by name."""
+    """Share of an update of the ``mean`` and of the ``covariance`` that is still returned an instant later."""
     whole: bool
     """Whether all components of a measurement move the estimate."""
     assigned: Sequence[Assigned]
@@ -70,7 +70,7 @@ class UpdateAnswers(NamedTuple):
     def right_gain(
         self, *, jacobian: Array | None = None, noise: Array | None = None, covariance: Array | None = None
     ) -> Array:
-        """Return the gain with the right Jacobian, the stated noise and the predicted covariance, or with others."""
+        """Return the Kalman gain ``(n, m)``; by default by the right Jacobian, stated noise and own covariance."""
         h, r = self.jacobian if jacobian is None else jacobian, self.noise if noise is None else noise
         p = self.covariance if covariance is None else covariance
         return np.asarray(np.linalg.solve(h @ p @ h.T + r, h @ p).T)
@@ -100,7 +100,7 @@ def update_finding(held: OwnFilter, scan: Scan) -> tuple[Finding | None, bool]:
 
 
 def _answers(held: OwnFilter, scan: Scan, covariance: Array, after_s: float = INSTANT) -> UpdateAnswers | None:
-    """Return the answers to a sensor's measurements after a time; None where the predicted one has an innovation."""
+    """Try measurements ``after_s`` later, from ``covariance``; return None if the predicted one moves the mean."""
     scan = scan._replace(time=held.time + after_s)
     missed, later = empty_scan(scan), empty_scan(scan._replace(time=scan.time + INSTANT))
     before, outputs = held.after(missed, covariance=covariance), held.outputs(missed)
@@ -150,7 +150,7 @@ def _answers(held: OwnFilter, scan: Scan, covariance: Array, after_s: float = IN
 def _derivative(
     sides: Sequence[Sequence[HeldAfter | None]], function: Callable[[HeldAfter], Array | None]
 ) -> Array | None:
-    """Return a function's derivative by a measurement in its standard deviations; None where it has no value."""
+    """Return the derivative of ``function``'s value by the measurement in sigma; None where a value is missing."""
     columns = []
     for ahead, behind in sides:
         values = [None if side is None else function(side) for side in (ahead, behind)]
@@ -165,7 +165,7 @@ def _remaining_share(change: Array, remaining: Array) -> float:
 
 
 def _not_kept(sensor: str, wide: UpdateAnswers) -> Finding | None:
-    """Report a mean or covariance that a measurement changes where it is returned, and not where it is kept."""
+    """Report a mean or covariance whose change by a measurement is returned, and lost an instant later."""
     part, share = min(wide.kept.items(), key=lambda entry: abs(entry[1]))
     if abs(share) > LOST:
         return None
@@ -213,7 +213,7 @@ def _gain_fault(sensor: str, kind: str, narrow: UpdateAnswers, wide: UpdateAnswe
 
 
 def _written_noise_fault(sensor: str, kind: str, noise: Assigned, stated: Array) -> Finding | None:
-    """Report a noise in a line of the tracker that is not the stated one."""
+    """Report a line that assigns a measurement noise other than the stated one."""
     sigmas, ratios = np.sqrt(np.diag(noise.value)), np.diag(noise.value) / np.diag(stated)
     if np.abs(np.log(ratios)).max() < np.log(NOISE_BAND):
         return None
@@ -236,7 +236,7 @@ def _noise_finding(text: str, fault: str, sensor: str, factor: float) -> Finding
 
 
 def _multiple_gain_finding(sensor: str, factor: float, *, is_noise: bool, is_stated: bool) -> Finding:
-    """Report a multiple of the right gain, or the gain for a multiple of the stated noise."""
+    """Report a gain that is ``factor`` times the right one, or the right gain for a multiple of the stated noise."""
     text = f"measurements of {sensor} move the mean by {factor:.4g} times the gain of the covariance that is kept"
     if not is_noise:
         return Finding("gain_inconsistent", 0.96, text, sensor=sensor, factor=factor)
@@ -271,7 +271,7 @@ def _covariance_error(answers: UpdateAnswers, right: Array) -> float:
 
 
 def _not_redrawn(held: OwnFilter, scan: Scan) -> Finding | None:
-    """Report a gain that is right at once, and leaves out the process noise of a longer prediction."""
+    """Report a gain that is right an instant after a scan, and lacks the process noise after a longer prediction."""
     exact, narrow = np.finfo(float).eps * held.covariance, NARROW * held.covariance
     noise = held.after(empty_scan(scan._replace(time=held.time + LATER)), covariance=exact)
     answers = _answers(held, scan, narrow, LATER)

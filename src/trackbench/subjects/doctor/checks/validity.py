@@ -84,7 +84,7 @@ RARE = 1e-3
     },
 )
 def validity(tracker: TrackerUnderTest) -> PartResult:
-    """Check all estimates of the examination, and those of a target at rest."""
+    """Check all estimates of the examination, and more estimates of a target at rest."""
     for sensor_set in tracker.sensor_sets():
         tracker.session_at(tracker.probes.at_rest, sensor_set)
     for name in tracker.sensors:
@@ -191,7 +191,7 @@ def _sampling_deviation(runs: Sequence[Array], sigmas: Sequence[Array]) -> float
     },
 )
 def repeatability(tracker: TrackerUnderTest) -> PartResult:
-    """Give the same measurements to three fresh trackers."""
+    """Give the same noisy measurements to three fresh trackers, and compare their estimates."""
     probe = tracker.probes.general[0]
     random = np.random.default_rng([tracker.seed, 1])
     scans = [with_measurement_noise(scan, random) for scan in tracker.approach(probe, tracker.sensor_sets()[-1])]
@@ -222,7 +222,7 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _note_on_copies(session: TrackerSession) -> str:
-    """Return a note on the copies of a session; an empty one where ``copy.deepcopy`` makes them."""
+    """Return a note on why ``copy.deepcopy`` cannot copy the session's tracker; empty where it can."""
     try:
         reason = session.copy().not_copied
     except StepFailed as failure:

@@ -49,7 +49,7 @@ NEAR_PI = 0.02
 
 
 class Jump(NamedTuple):
-    """An update that does not turn with the target."""
+    """An update near the azimuth pi, compared with the update of the same target turned away from pi."""
 
     size: float
     """Difference from the turned target's update, in standard deviations of the prediction."""
@@ -57,13 +57,13 @@ class Jump(NamedTuple):
     sensor: str
     probe: Probe
     measured: bool = False
-    """Whether only the measurement is on the other side of pi."""
+    """Whether the measured and the predicted azimuth lie on different sides of pi."""
     without_innovation: bool = False
-    """Whether the update by the predicted measurement differs too."""
+    """Whether the update by the predicted measurement, which has no innovation, differs too."""
     line: str = ""
     """Line of the tracker's code with the difference that is not wrapped; empty where it is not found."""
     confirmed: bool = False
-    """Whether the update is right with a sensor mounted at another yaw, or with a measurement before pi."""
+    """Whether the tracker is right where a turned mounting or target keeps its azimuths off pi: pi is the cause."""
 
 
 @doctor_check(
@@ -92,7 +92,7 @@ class Jump(NamedTuple):
     },
 )
 def wrapping(tracker: TrackerUnderTest) -> PartResult:
-    """Try measurements beside a target at the azimuth pi."""
+    """Try measurements beside a target at the azimuth pi, and compare with the target turned away from it."""
     polar = [name for name, sensor in tracker.sensors.items() if sensor.type != "lidar"]
     jumps = [
         jump
@@ -129,7 +129,7 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
 
 
 def _jumps_of(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> list[Jump]:
-    """Return the updates beside the target, each compared with the update of the turned target."""
+    """Compare updates by measurements on both sides of a target at pi with updates of the target turned away."""
     turned_probe = probe.turned(TURN, tracker.sensors[name])
     at_pi, turned = tracker.trial(probe, name, sensor_set), tracker.trial(turned_probe, name, sensor_set)
     # Where the turned target's update is wrong, the two differ for another reason.
@@ -151,7 +151,7 @@ def _jumps_of(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tu
 
 
 def _beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Jump | None:
-    """Return the update by a measurement beyond pi, with the target turned until its own azimuths are before pi."""
+    """Compare an update across pi of a target turned so far that all its predicted azimuths lie before pi."""
     trial, sensor = tracker.trial(probe, name, sensor_set), tracker.sensors[name]
     if trial is None or not trial.usable:
         return None
@@ -167,7 +167,7 @@ def _beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: t
 
 
 def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
-    """Return a trial of the same target by sensors mounted at another yaw, away from pi; None where a step fails."""
+    """Return a trial by sensors whose turned mounting keeps the target off the azimuth pi; None if a step fails."""
     turned = [turned_mounting(scan, MOUNTED_TURN) for scan in tracker.approach(probe, sensor_set)]
     try:
         session = TrackerSession.after(tracker.make, turned)
@@ -216,7 +216,7 @@ def _covariance_depends_on_mounting(trial: Trial, mounted: Trial) -> bool:
 
 
 def _change(trial: Trial, side: float) -> Array | None:
-    """Return the estimate ``(4,)`` after a measurement beside the predicted one, minus that after the predicted one."""
+    """Return the mean ``(4,)`` after a measurement beside the predicted one, minus the mean after the predicted one."""
     estimate, centre = trial.posterior(_beside(trial, side)), trial.posterior(trial.predicted_measurement)
     return None if estimate is None or centre is None else estimate.mean - centre.mean
 
@@ -229,7 +229,7 @@ def _beside(trial: Trial, side: float) -> Array:
 
 
 def _line(trial: Trial, measurement: Array) -> str:
-    """Name the line that leaves the plain difference of the azimuths in a variable, with its value, if one does."""
+    """Name the line that assigns the difference of the azimuths unwrapped, and the value; empty where none does."""
     plain, named = measurement[1] - trial.predicted_measurement[1], dict[tuple[str, str], str]()
     with suppress(StepFailed):
         twin = trial.session.copy()

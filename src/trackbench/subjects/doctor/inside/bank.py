@@ -28,14 +28,14 @@ class Models(NamedTuple):
     """Means, covariances and probabilities of the models of a filter at one instant."""
 
     mean: Array
-    """``(m, n)``"""
+    """Means ``(m, n)`` of m models, whose states have n entries."""
     covariance: Array
-    """``(m, n, n)``"""
+    """Covariances ``(m, n, n)`` of the models' states."""
     probability: Array
-    """``(m,)``"""
+    """Probabilities ``(m,)`` of the models."""
 
     def mixed(self, weights: Array) -> tuple[Array, Array]:
-        """Return mean ``(n,)`` and covariance ``(n, n)`` of a mixture with weights ``(m,)``.
+        """Return mean ``(n,)`` and covariance ``(n, n)`` of the mixture of the models with weights ``(m,)``.
 
         Bar-Shalom, Li and Kirubarajan 2001, section 1.4.16.
         """
@@ -46,7 +46,7 @@ class Models(NamedTuple):
 
 
 class ModelPaths(NamedTuple):
-    """Paths to the parts of the models, keys of the result of `families`."""
+    """Paths to the means, covariances and probabilities of the models below a tracker, as `families` writes them."""
 
     mean: str
     covariance: str
@@ -55,7 +55,7 @@ class ModelPaths(NamedTuple):
     """Indices of px, py, vx, vy in a model's state ``(4,)``."""
 
     def models(self, families: dict[str, Array]) -> Models | None:
-        """Return the models at another instant; None where a part of them is missing."""
+        """Read the models from ``families``, arrays by path at one instant; return None where a path is missing."""
         probability_path = self.probability.removeprefix(LOGARITHM)
         if not {self.mean, self.covariance, probability_path} <= families.keys():
             return None
@@ -67,13 +67,13 @@ class ModelPaths(NamedTuple):
 
 
 def transition_matrices(values: Iterable[Held]) -> list[tuple[Held, Array]]:
-    """Return the matrices that can be transition probabilities, each as held and with a row for each earlier model."""
+    """Return values that can be transition probabilities, each with the matrix whose rows are the earlier models."""
     rows = ((entry, with_rows(entry.value)) for entry in values)
     return [(entry, matrix) for entry, matrix in rows if matrix is not None]
 
 
 def with_rows(matrix: Array) -> Array | None:
-    """Return transition probabilities with a row for each earlier model; None for a matrix that can be none."""
+    """Return a matrix, transposed if only its columns add up to 1; None if it cannot be transition probabilities."""
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not 2 <= len(matrix) <= MOST:
         return None
     if (matrix < 0.0).any() or np.isin(matrix, (0.0, 1.0)).all():
@@ -85,7 +85,7 @@ def with_rows(matrix: Array) -> Array | None:
 
 
 def values_of_module(tracker: Any) -> Iterator[Held]:
-    """Yield the numbers that the module of a tracker's class holds."""
+    """Yield the numeric global variables of the module that defines a tracker's class."""
     module = sys.modules.get(type(tracker).__module__)
     for name, value in [] if module is None else list(vars(module).items()):
         if not name.startswith("__"):
@@ -96,10 +96,10 @@ def values_of_module(tracker: Any) -> Iterator[Held]:
 
 
 def families(values: Iterable[Held], count: int) -> dict[str, Array]:
-    """Return the values that each model has one of, by path; their first axis is the model.
+    """Return, by path, the arrays that have one entry for each model along their first axis.
 
-    Such values are parts of one array, or are held in places that differ by one number or name. States of different
-    sizes are cut to the entries that all of them have.
+    The entries are slices of one array, or values whose paths differ in one index or name. States of different sizes
+    are cut to the entries that all of them have.
 
     Args:
         values: values that a tracker holds.
@@ -127,7 +127,7 @@ def families(values: Iterable[Held], count: int) -> dict[str, Array]:
 
 
 def _form(value: Array) -> str | None:
-    """Return the form that values of all models share, whatever their size; None for a value of no model."""
+    """Classify a value as a matrix, a number or a vector, whatever its size; None for any other array."""
     if value.ndim == 2 and value.shape[0] == value.shape[1] > 1:
         return "matrix"
     if value.size == 1 or max(value.shape) == value.size:
@@ -136,12 +136,12 @@ def _form(value: Array) -> str | None:
 
 
 def find_models(values_by_path: dict[str, Array], estimate: Estimate, count: int) -> list[tuple[ModelPaths, bool]]:
-    """Return the models whose mixture is an estimate, and whether its covariance is the mixture's too.
+    """Return paths to models whose mixture has an estimate's mean, and whether it has the estimate's covariance too.
 
-    Models with the right covariance are returned alone. Otherwise all with the right mean are: their steps decide.
+    The first match of both is returned alone. Otherwise all matches of the mean are: their steps decide.
 
     Args:
-        values_by_path: families after a step.
+        values_by_path: arrays with an entry for each model, after a step.
         estimate: estimate after that step.
         count: number of models.
     """
@@ -174,7 +174,7 @@ def find_models(values_by_path: dict[str, Array], estimate: Estimate, count: int
 
 
 def _indices_in(mixture: Array, mean: Array) -> Indices | None:
-    """Return the indices of the entries of an estimate in a mixture; None where one is missing."""
+    """Return the indices in ``mixture`` of the entries of ``mean`` ``(4,)``; None where one is missing."""
     is_equal = np.abs(mixture[:, None] - mean) <= SAME * np.maximum(np.abs(mean), 1.0)
     if not is_equal.any(axis=0).all():
         return None
@@ -185,6 +185,6 @@ def _indices_in(mixture: Array, mean: Array) -> Indices | None:
 def constant_matrices(
     earlier: Sequence[tuple[Held, Array]], later: Sequence[tuple[Held, Array]]
 ) -> list[tuple[Held, Array]]:
-    """Return the matrices of an instant that are held in the same place at a later one."""
+    """Return the earlier matrices that are held unchanged, at the same path, at a later instant."""
     held_later = {(entry.path, matrix.tobytes()) for entry, matrix in later}
     return [entry for entry in earlier if (entry[0].path, entry[1].tobytes()) in held_later]

@@ -48,32 +48,32 @@ IMPROBABLE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Models of a tracker: their transition probabilities, and where the tracker holds their parts."""
+    """Models of a filter: their transition probabilities, and where the tracker holds means and covariances."""
 
     held: Held
-    """Transition probabilities as the tracker holds them."""
+    """Matrix of transition probabilities where the tracker holds it, perhaps transposed."""
     transition: Array
-    """Transition probabilities ``(m, m)`` with a row for each earlier model."""
+    """Transition probabilities ``(m, m)`` from the model of the row to the model of the column."""
     paths: ModelPaths
     fits: bool
-    """Whether the returned covariance is the one of the mixture."""
+    """Whether the tracker returns the covariance of the models' mixture."""
 
 
 class ModelInnovation(NamedTuple):
     """Innovation of one model at a measurement."""
 
     value: Array
-    """``(z,)``"""
+    """Innovation ``(z,)``: the measurement minus the one predicted by the model."""
     covariance: Array
-    """``(z, z)``"""
+    """Innovation covariance ``(z, z)``: of the prediction and of the noise."""
     noise: Array
     """Covariance ``(z, z)`` of the measurement noise."""
     updated: Array
-    """Innovation ``(z,)`` after the update."""
+    """Residual ``(z,)`` after the update: the measurement minus the one of the updated state."""
 
 
 class BankStep:
-    """A step of a filter with a measurement, and what the equations say of it.
+    """A step of a filter with a measurement, and the values that the equations of the module give for it.
 
     Args:
         bank: models of the tracker.
@@ -82,7 +82,7 @@ class BankStep:
         started: models after a missed scan an instant later than ``before``.
         predicted: models after a missed scan at the time of ``scan``.
         after: models after ``scan``.
-        assigned: assignments by the lines of the step.
+        assigned: values that the tracker's lines assign in the step.
     """
 
     def __init__(
@@ -101,14 +101,14 @@ class BankStep:
 
     @cached_property
     def pool(self) -> Pool:
-        """All numbers that the step assigns."""
+        """Set of all numbers that lines of the tracker assign in the step, to look values up in."""
         return Pool(entry.value for entry in self.assigned)
 
     @cached_property
     def transition(self) -> Array:
         """Transition probabilities ``(m, m)``: the held ones, or those that the step computes for its time.
 
-        The first matrix is taken by which, or by whose transpose, the models start from their mixtures.
+        The first matrix is taken whose mixtures, or whose transpose's mixtures, the models start from.
         """
         made = (with_rows(entry.value) for entry in self.assigned if entry.value.size == self.bank.transition.size)
         possible = [self.bank.transition, *(matrix for matrix in made if matrix is not None)]
@@ -117,17 +117,17 @@ class BankStep:
         return next(fitting, self.bank.transition)
 
     def prior(self, transition: Array) -> Array:
-        """Return the probabilities ``(m,)`` after a transition."""
+        """Return the probabilities ``(m,)`` of the models after the transition, before the measurement."""
         return transition.T @ self.before.probability
 
     def mixed(self, transition: Array) -> tuple[Array, Array]:
-        """Return the means ``(m, n)`` and covariances ``(m, n, n)`` of the mixtures from which the models start."""
+        """Return means ``(m, n)`` and covariances ``(m, n, n)`` of the mixtures from which the models should start."""
         joint = transition * self.before.probability[:, None]
         mixtures = [self.before.mixed(weights) for weights in (joint / joint.sum(axis=0)).T]
         return np.stack([mean for mean, _ in mixtures]), np.stack([covariance for _, covariance in mixtures])
 
     def starts_from(self, mean: Array, covariance: Array | None = None) -> bool:
-        """Return whether the models start from these values: they hold them an instant later, or a line makes them."""
+        """Return whether the models start from ``mean``, or ``covariance`` if given: it is held or assigned."""
         sigma = np.sqrt(np.einsum("jaa->ja", self.before.covariance))
         near = np.abs(self.started.mean - mean).max(where=sigma > 0.0, initial=0.0) < INSTANTLY * sigma.max()
         if covariance is None:
@@ -154,10 +154,10 @@ class BankStep:
         return ModelInnovation(before, (jacobian @ covariance @ jacobian.T)[used, used] + noise, noise, after)
 
     def implied_likelihoods(self, used: slice) -> Array:
-        """Return log likelihoods ``(m,)`` by which the models were updated; NaN where an update shows none.
+        """Return the log likelihoods ``(m,)`` that the updates of the models imply; NaN where an update implies none.
 
-        With ``K = P H^T S^-1`` the measured part of the covariance ``C = H P H^T`` shrinks by ``C S^-1 C``, and the
-        measured part of the mean moves by ``C S^-1 y``, whatever noise the model assumes.
+        With ``K = P H^T S^-1`` the measured part of the covariance ``C = H P H^T`` shrinks by ``C S^-1 C``. The
+        measured part of the mean moves by ``C S^-1 y``. Both hold whatever noise the model assumes.
         """
         model, outputs, scan = SENSOR_MODELS[self.scan.kind], self.bank.paths.outputs, self.scan
         likelihoods = np.full(len(self.after.probability), np.nan)
@@ -180,12 +180,12 @@ class BankStep:
 
     @property
     def log_factors(self) -> Array:
-        """Logarithms ``(m,)`` of the factors of the probabilities in the step, up to a constant."""
+        """Logarithms ``(m,)`` of the factors by which the measurement changes the probabilities, up to a constant."""
         return np.log(self.after.probability) - np.log(self.prior(self.transition))
 
 
 def log_density(innovation: Array, covariance: Array) -> float:
-    """Return the logarithm of the density of a normal distribution with mean zero."""
+    """Return the logarithm of the normal density of an innovation, with mean zero and ``covariance``."""
     factor = linalg.cholesky(covariance)
     return float(factor.log_density(factor.whiten(innovation)))
 
@@ -228,7 +228,7 @@ def _all_held(session: TrackerSession) -> list[Held]:
 def _possible_banks(
     matrices: Sequence[tuple[Held, Array]], values: Sequence[Held], estimate: Estimate
 ) -> dict[Bank, list[BankStep]]:
-    """Return the possible models with the first transition probabilities that have any."""
+    """Return possible banks, without steps yet, for the first transition matrix that fits any models."""
     for held, matrix in matrices:
         matched = find_models(families(values, len(matrix)), estimate, len(matrix))
         if matched:
@@ -237,14 +237,14 @@ def _possible_banks(
 
 
 def models_of(session: TrackerSession, bank: Bank) -> Models | None:
-    """Return the models that a tracker holds now; None where a part of them is missing."""
+    """Return the models that a tracker holds now; None where a mean, covariance or probability is missing."""
     return bank.paths.models(families(_all_held(session), len(bank.transition)))
 
 
 def _add_steps(
     session: TrackerSession, banks: dict[Bank, list[BankStep]], scan: Scan, random: np.random.Generator
 ) -> None:
-    """Add one step of a copy with a measurement that is some standard deviations off the prediction."""
+    """Step a copy with a measurement 1.5 standard deviations off the predicted one; add the step to each bank."""
     instant_later, missed, copy = session.copy(), session.copy(), session.copy()
     instant_later.step(empty_scan(scan._replace(time=session.scans[-1].time + INSTANT)))
     estimate = missed.step(empty_scan(scan))

@@ -40,22 +40,22 @@ SAME = 1e-3
 
 
 class HeldAfter(NamedTuple):
-    """Mean and covariance that a tracker holds after some scans, and its estimates."""
+    """Own mean and covariance of a tracker after some scans, and its first and last estimates."""
 
     mean: Array
-    """``(n,)``"""
+    """Mean ``(n,)`` of the tracker's own state."""
     covariance: Array
-    """``(n, n)``"""
+    """Covariance ``(n, n)`` of the tracker's own state."""
     first_estimate: Estimate | None
     estimate: Estimate | None
     """Estimate at the last scan."""
     assigned: Sequence[Assigned]
-    """Assignments by the lines of the first step, where it is traced."""
+    """Values that the tracker's lines assign in the first step; empty unless it is traced."""
 
 
 @dataclass(frozen=True, eq=False)
 class OwnFilter:
-    """A tracker after some scans, with the places of its mean and covariance."""
+    """A tracker after some scans, with its own mean and covariance and the paths to them."""
 
     session: TrackerSession
     mean_at: KeyPath
@@ -70,7 +70,7 @@ class OwnFilter:
 
     @property
     def sigma(self) -> Array:
-        """Standard deviations ``(n,)`` of the state."""
+        """Standard deviations ``(n,)`` of the own state, at least 1e-6."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 1e-12)))
 
     def after(
@@ -81,7 +81,7 @@ class OwnFilter:
         covariance: Array | None = None,
         trace: bool = False,
     ) -> HeldAfter | None:
-        """Return what is held after some scans, from another mean or covariance; None where it is not found then."""
+        """Step a copy, from a replaced mean or covariance if given; return what it holds then, None if not found."""
         copy = self.session.copy()
         for path, value in ((self.mean_at, mean), (self.covariance_at, covariance)):
             if value is not None and not put(copy.inside, path, value):
@@ -101,7 +101,7 @@ class OwnFilter:
     def derivative(
         self, scan: Scan, function: Callable[[HeldAfter], Array | None], covariance: Array | None = None
     ) -> Array | None:
-        """Return the derivative ``(k, n)`` of a function of what is held after a scan, by the mean before it."""
+        """Return the derivative ``(k, n)`` of ``function``'s value after a scan by the mean held before the scan."""
         columns = []
         for i, sigma in enumerate(self.sigma):
             step = STEP * sigma * np.eye(len(self.mean))[i]
@@ -113,7 +113,7 @@ class OwnFilter:
         return np.stack(columns, axis=1)
 
     def outputs(self, scan: Scan) -> Array | None:
-        """Return the derivative ``(4, n)`` of the estimate after a scan by the mean that is held after it."""
+        """Return the derivative ``(4, n)`` of the estimate after a scan by the mean that is held after the scan."""
         stacked = self.derivative(scan, _returned_and_held)
         return None if stacked is None else np.asarray(stacked[:4] @ np.linalg.pinv(stacked[4:], rcond=ROUNDING))
 
@@ -164,13 +164,13 @@ def _is_covariance(value: Array) -> bool:
 
 
 def covariance_difference(covariance: Array, right: Array) -> float:
-    """Return the largest difference of two covariances, in variances of the right one."""
+    """Return the largest difference of two covariances' entries, scaled by the standard deviations of ``right``."""
     sigma = np.sqrt(np.maximum(np.abs(np.diag(right)), np.finfo(float).tiny))
     return float(np.abs((covariance - right) / np.outer(sigma, sigma)).max())
 
 
 def put(root: Any, path: KeyPath, value: Array) -> bool:
-    """Replace the value at a path, in the form of what is there; return False where it cannot be changed."""
+    """Replace the value at a path below ``root``, keeping its type and shape; return False where that is impossible."""
     holder = root
     for key in path[:-1]:
         holder = dict(parts(holder))[key]

@@ -25,7 +25,7 @@ ALONE = 1.0 - 1e-9
 
 
 class _Pinned:
-    """A tracker with other transition probabilities, from the step on after which it holds any."""
+    """A tracker whose transition probabilities are replaced by ``matrix`` as soon as it holds them."""
 
     def __init__(self, tracker: Any, path: KeyPath, matrix: Array) -> None:
         self.within, self.batched = tracker, bool(getattr(tracker, "batched", False))
@@ -47,7 +47,7 @@ class _Pinned:
 
 
 class SingleModel:
-    """One model of a tracker: at every transition all models turn into this one.
+    """One model of a tracker, made the only one: its transition probability from every model becomes 1.
 
     Args:
         tracker: tracker with all models.
@@ -65,7 +65,7 @@ class SingleModel:
 
     @contextmanager
     def as_tracker(self) -> Iterator[TrackerUnderTest]:
-        """Yield the model as a tracker; within the block, constants of the tracker's module may be replaced."""
+        """Yield the model as a tracker under test; meanwhile a transition matrix of its module is replaced."""
         # The path to a value of a module begins with a name.
         place = self._bank.held.place if isinstance(self._bank.held.path[0], str) else None
         if place is None:
@@ -82,7 +82,7 @@ class SingleModel:
         return _Pinned(self._tracker.make(), self._bank.held.path, self._matrix)
 
     def succeeds(self) -> bool:
-        """Return whether the model has all the probability after some scans."""
+        """Return whether the model can be made the only one: it has all the probability after 1 s of scans."""
         session = TrackerSession(self._make)
         scans = self._tracker.approach(self._tracker.probes.general[0], self._tracker.sensor_sets()[-1], 1.0)
         with self.as_tracker():
@@ -95,7 +95,7 @@ class SingleModel:
 
 
 def single_models(tracker: TrackerUnderTest) -> list[SingleModel]:
-    """Return the models of an interacting multiple model filter; an empty list where one does not stay alone."""
+    """Return the models of an interacting multiple model filter; none where one cannot be made the only one."""
     bank_steps = tracker.once(find_bank)
     if bank_steps is None:
         return []
@@ -104,7 +104,7 @@ def single_models(tracker: TrackerUnderTest) -> list[SingleModel]:
 
 
 def merge_models(results: Sequence[PartResult]) -> PartResult:
-    """Merge the results of one check of each model into results of the tracker that name the models."""
+    """Merge the results of one check, made with each model alone, into one whose texts name the models."""
     merged = PartResult()
     names = dict.fromkeys(check.name for result in results for check in result.checks)
     for name in names:

@@ -28,7 +28,7 @@ KeyPath = tuple[str | int, ...]
 
 
 class HeldAt(NamedTuple):
-    """Place where a value is held."""
+    """Object, and key or attribute at which it holds a value."""
 
     holder: Any
     key: Any
@@ -46,12 +46,12 @@ class HeldAt(NamedTuple):
 
 
 class Held(NamedTuple):
-    """A value that an object holds."""
+    """A number or array found below an object."""
 
     path: KeyPath
     value: Array
     place: HeldAt | None
-    """Place of the value; None at the top, and where the value cannot be changed."""
+    """Where the value can be replaced; None for the searched object itself, and for entries of tuples."""
 
 
 def held_values(root: Any, depth: int = DEPTH) -> Iterator[Held]:
@@ -91,7 +91,7 @@ def _numbers(value: Any) -> Array | None:
 
 
 def parts(value: Any) -> Iterable[tuple[Any, Any]]:
-    """Return the entries and attributes of an object, by place or name."""
+    """Return the entries of an object with their keys or indices, or its attributes with their names."""
     if isinstance(value, Scan | type | types.ModuleType | types.FunctionType | types.MethodType | str | bytes):
         return []
     if isinstance(value, Mapping):
@@ -111,7 +111,7 @@ def parts(value: Any) -> Iterable[tuple[Any, Any]]:
 
 
 def reshape(template: Any, value: Array) -> Any:
-    """Return a value in the form of a template: an array, a mapping, a list, a tuple or a number."""
+    """Return the numbers of ``value`` in the type of ``template``: array, mapping, list, tuple or number."""
     if isinstance(template, np.ndarray):
         return value.reshape(template.shape)
     if isinstance(template, Mapping):
@@ -122,7 +122,7 @@ def reshape(template: Any, value: Array) -> Any:
 
 
 class Pool:
-    """Set of numbers among which values are looked for."""
+    """Set of numbers in which computed values are looked up."""
 
     def __init__(self, arrays: Iterable[Array]) -> None:
         flat = [np.ravel(array) for array in arrays]
@@ -152,7 +152,7 @@ LOCAL_DEPTH = 4
 
 
 class Assigned(NamedTuple):
-    """A value that a line assigns or returns."""
+    """A number or array that a line of the tracker assigns or returns."""
 
     file: str
     line: int
@@ -162,14 +162,14 @@ class Assigned(NamedTuple):
 
     @property
     def where(self) -> str:
-        """File and line, for a sentence."""
+        """Name of the file and number of the line, such as ``filter.py:12``."""
         return f"{Path(self.file).name}:{self.line}"
 
 
 def trace_step(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
-    """Return a function's result, and the values that the tracker's own lines assign meanwhile, in their order.
+    """Call ``step``; return its result, and the values that the tracker's own lines assign meanwhile, in order.
 
-    They are values of local variables, values below these, and returned values. A line that calls a function also
+    Values are those of local variables, those held below them, and returned ones. A line that calls a function also
     assigns what the call has changed.
     """
     assignments: list[Assigned] = []
@@ -225,12 +225,12 @@ def _name(key: tuple[Any, ...]) -> str:
 
 
 def nearest_assigned(assigned: Sequence[Assigned], right: Array, earlier: Array) -> tuple[Assigned, float] | None:
-    """Return the assigned value nearest to one of several right values, with its error relative to the largest entry.
+    """Return the wrong value nearest to a right one, with its error relative to the largest entry; None if none fits.
 
     Args:
         assigned: assignments of a step; right and earlier values among them do not count.
-        right: right values ``(m, ...)``.
-        earlier: values before the step ``(m, ...)``.
+        right: right value ``(m, ...)`` of each of m models.
+        earlier: value ``(m, ...)`` of each model before the step.
     """
     best: tuple[Assigned, float] | None = None
     excluded = [*right, *earlier]
@@ -243,7 +243,7 @@ def nearest_assigned(assigned: Sequence[Assigned], right: Array, earlier: Array)
 
 
 def with_value(assigned: Sequence[Assigned], *values: Array) -> Assigned | None:
-    """Return the first assignment of one of some values, in any order of its axes."""
+    """Return the first assignment of the numbers of one of ``values``, in any order; None where there is none."""
     for entry in assigned:
         for value in values:
             if entry.value.size == value.size and (Pool([entry.value]).has(value)):
@@ -252,7 +252,7 @@ def with_value(assigned: Sequence[Assigned], *values: Array) -> Assigned | None:
 
 
 def _of_size(value: Array, size: int) -> Iterator[Array]:
-    """Yield the flattened value, or its parts along an axis, where they have a number of entries."""
+    """Yield the flattened value, or its slices along an axis, where they have ``size`` entries."""
     if value.size == size:
         yield np.ravel(value)
     for axis in range(value.ndim):

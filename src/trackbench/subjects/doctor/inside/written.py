@@ -18,7 +18,7 @@ SAME = 1e-4
 
 
 def wrong_entry(assigned: Sequence[Assigned], wrong: Assigned, right: Array, sensor: str | None, by: str) -> Finding:
-    """Report the entry of a Jacobian with the largest error, and the line that has assigned it."""
+    """Report the entry of a Jacobian with the largest error and its line; ``by``: words for the source of ``right``."""
     error = np.abs(wrong.value - right) / (np.abs(wrong.value) + np.abs(right) + 1e-6 * np.abs(right).max())
     i, j = largest_entry(error)
     same_name = [entry for entry in assigned if (entry.file, entry.name) == (wrong.file, wrong.name)]
@@ -33,7 +33,7 @@ def wrong_entry(assigned: Sequence[Assigned], wrong: Assigned, right: Array, sen
 
 
 def last_values(assigned: Sequence[Assigned], shape: tuple[int, ...]) -> list[Assigned]:
-    """Return the last value of each variable that has matrices of a shape."""
+    """Return, for each variable, the last assignment of a value with the given shape."""
     return list({(entry.file, entry.name): entry for entry in assigned if entry.value.shape == shape}.values())
 
 

@@ -69,7 +69,7 @@ BEHIND = 0.25
     },
 )
 def nearer_of_two(make: Make, site: Site) -> PartResult:
-    """Give two detections in a track's gate, on one side of its prediction and then on the other, in both orders."""
+    """Give a track a near and a far detection in its gate, on either side and in both orders, and compare its steps."""
     track = WeighedTrack.of_object(make, site, OBJECTS[:, 0], FOLLOWED)
     if track is None or len(track.tracks.ids) != 1:
         return PartResult()
@@ -114,7 +114,7 @@ def predicted_place(make: Make, site: Site) -> PartResult:
 
 
 def _share_of_way_back(make: Make, site: Site, target: Array) -> float | None:
-    """Return the share of the way from its prediction to its last place that a track goes; None if it has ended."""
+    """Return how far a track goes back from its predicted to its last place, as a share; None if it has ended."""
     track = FollowedTrack.of_object(make, site, target, FOLLOWED)
     if track is None:
         return None
@@ -145,7 +145,7 @@ def _share_of_way_back(make: Make, site: Site, target: Array) -> float | None:
 def allowed_pair(make: Make, site: Site) -> PartResult:
     """Give two detections to two tracks; the gates allow one of the four pairs.
 
-    Along a line the tracks are at 0 and d, the detections at s and s - d, with s one standard deviation of an
+    Along a line the tracks are at 0 and d, the detections at s and s - d. Here s is one standard deviation of an
     innovation. The sum of squared distances is least with the two pairs that are not allowed, each d - s apart. In the
     assignment with the allowed pair, the other pair is 2 d - s apart.
     """
@@ -179,7 +179,7 @@ def _distance_moved(track: FollowedTrack, detections: Sequence[Array]) -> float:
 
 @doctor_check(Question("deletion.among_others", "Does a track end when all detections are elsewhere?"), place=42)
 def missed_among_others(make: Make, site: Site) -> PartResult:
-    """Let an object go, while every scan has false alarms elsewhere."""
+    """Let an object go, while every scan has false alarms elsewhere, and count how long its track stays."""
     random, target = np.random.default_rng(6), np.array([30.0, 20, 2, 3])
     session = MultiObjectSession(make)
     scans = site.scans(target[:, None], FOLLOWED, random)
@@ -214,7 +214,7 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
     },
 )
 def ended_alone(make: Make, site: Site) -> PartResult:
-    """Let two objects go at once, and three stay."""
+    """Let two objects go at once and three stay, and look whether the tracks of the three go on."""
     session, (come, stay) = MultiObjectSession(make), _ending(site, np.random.default_rng(7))
     before = session.follow(come)[-1]
     if any(column_of_nearest(before, target) is None for target in moved_objects(EVERY, come[-1].time).T):
@@ -229,7 +229,7 @@ def ended_alone(make: Make, site: Site) -> PartResult:
 
 
 def _ending(site: Site, random: np.random.Generator | None) -> tuple[list[Scan], list[Scan]]:
-    """Return the scans until two objects go, which came first, and the scans of the three that stay."""
+    """Return the scans until two of five objects go, and the scans of the three that stay."""
     come = [*site.scans(LEAVING, COMES, random), *site.scans(EVERY, COMES, random, start=COMES)]
     return come, site.scans(STAYING, LONGEST + 0.5, random, start=2 * COMES)
 
@@ -246,7 +246,7 @@ def _predicted_alone(make: Make, site: Site, result: PartResult) -> PartResult:
 
 
 def _behind(tracks: Tracks, targets: Array) -> float:
-    """Return how far any track is behind its object along its way, in periods of the scans."""
+    """Return the largest distance of a track ahead of or behind its object along the path, in periods of the scans."""
     if not len(tracks.ids):
         return np.inf
     difference = targets - tracks.mean[:, distances(tracks, targets[:2]).argmin(axis=0)]
@@ -255,7 +255,7 @@ def _behind(tracks: Tracks, targets: Array) -> float:
 
 @doctor_check(Question("ended_detected", "Does a track stay while its object is detected?"), place=43)
 def ended_detected(make: Make, site: Site) -> PartResult:
-    """Detect three objects in three of four scans; every fourth scan is empty."""
+    """Detect three objects in three of four scans, the fourth being empty, and look whether their tracks stay."""
     session, random = MultiObjectSession(make), np.random.default_rng(9)
     lost, had = (np.zeros(STAYING.shape[1], dtype=bool) for _ in range(2))
     for k, scan in enumerate(site.scans(STAYING, DETECTED, random)):

@@ -49,7 +49,7 @@ SETTLED, AWAITED = 0.5, 3.0
     },
 )
 def gate_limits(make: Make, site: Site) -> PartResult:
-    """Give one detection at a known distance from where a track expects it."""
+    """Give one detection at a known distance from where a track expects it, and look whether the track takes it."""
     # A small gate loses fast objects: after their first detection they are not where a track expects them.
     slow = OBJECTS * np.array([[1], [1], [0.1], [0.1]])
     inside = _steps(make, site, slow, float(2 * gammaincinv(len(site.sensor.components) / 2, INSIDE)))
@@ -78,7 +78,7 @@ def _steps(make: Make, site: Site, objects: Array, distance: float, only_single:
 
 
 def _step(make: Make, site: Site, target: Array, component: int, distance: float) -> tuple[float, int]:
-    """Return the longest step of the tracks on an object, and the number of these tracks."""
+    """Return the longest step of tracks on an object, relative to a Kalman filter's, and the number of tracks on it."""
     session, remaining = MultiObjectSession(make), round(SETTLED * RATE)
     for scan in site.scans(target[:, None], AWAITED):
         tracks = session.step(scan)

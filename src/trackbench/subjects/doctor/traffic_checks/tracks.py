@@ -54,7 +54,7 @@ EMPTY, COMING = 3, 8
     },
 )
 def following(make: Make, site: Site) -> PartResult:
-    """Detect three objects far apart in every scan."""
+    """Detect three objects far apart in every scan, and count the tracks on each of them over time."""
     scans = site.scans(OBJECTS, 3.0, np.random.default_rng(1))
     count = _count_on_objects(MultiObjectSession(make).follow(scans), scans)
     first = np.array([np.argmax(counts > 0) if counts.any() else len(counts) for counts in count.T])
@@ -78,7 +78,7 @@ def following(make: Make, site: Site) -> PartResult:
     },
 )
 def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
-    """Give detections of nothing, one a scan, each at another place."""
+    """Give one false alarm a scan, each at a different place, and count the tracks that they make."""
     random = np.random.default_rng(3)
     count, angle = 120, 2.399963
     session, ids = MultiObjectSession(make), set()
@@ -110,7 +110,7 @@ def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
     },
 )
 def leaving(make: Make, site: Site) -> PartResult:
-    """Let an object go while others stay, let these go too, and twice let others come elsewhere."""
+    """Let one of three objects go, then the two others, and twice let eight new objects come elsewhere."""
     random, stay_s, away_s = np.random.default_rng(4), 2.0, LONGEST + 0.5
     session, result = MultiObjectSession(make), PartResult()
     before = session.follow(site.scans(OBJECTS, stay_s, random))[-1]
@@ -158,7 +158,7 @@ def leaving(make: Make, site: Site) -> PartResult:
     },
 )
 def order(make: Make, site: Site) -> PartResult:
-    """Give the detections of objects that are far from each other before they meet, in two random orders."""
+    """Give the detections of objects that meet in pairs, in two random orders, and compare the tracks."""
     objects, changed = _meeting(site), ""
     # Several draws: the order may decide which of two assignments with almost the same cost is taken.
     for seed in DRAWS:
@@ -185,7 +185,7 @@ def _meeting(site: Site) -> Array:
 
 
 def _difference(answers: Sequence[Tracks], reordered: Sequence[Tracks]) -> str:
-    """Describe how tracks of the same detections differ, apart from their ids; empty where they do not."""
+    """Describe how two runs' tracks of the same detections differ in number or position; empty where they agree."""
     for tracks, other in zip(answers, reordered, strict=True):
         if len(tracks.ids) != len(other.ids):
             return f"{len(other.ids)} tracks in place of {len(tracks.ids)}"
@@ -211,7 +211,7 @@ def _difference(answers: Sequence[Tracks], reordered: Sequence[Tracks]) -> str:
     },
 )
 def tracks_at_empty_scans(make: Make, site: Site) -> PartResult:
-    """Give a few empty scans after objects that every scan detected."""
+    """Give a few empty scans after objects that every scan detected, and look whether the tracks move on."""
     session = MultiObjectSession(make)
     scans = site.scans(OBJECTS, 2.0)
     last = session.follow(scans)[-1]

@@ -53,7 +53,7 @@ BOTH = 0.2
 
 
 class WeighedTrack(FollowedTrack):
-    """A track before a measurement at the time of the last scan."""
+    """A followed track, and its steps to further detections at the time of its last scan."""
 
     @cached_property
     def geometry(self) -> tuple[Array, Array, Array]:
@@ -71,15 +71,15 @@ class WeighedTrack(FollowedTrack):
 
     @cached_property
     def even(self) -> float:
-        """Clutter density with which the detection at ``beside`` has odds of 1."""
+        """Clutter density with which the detection at ``beside`` has odds of 1, the unit of relative clutter."""
         peak = 1 / np.sqrt(np.linalg.det(2 * np.pi * self.geometry[1]))
         return float(DETECTION * peak * np.exp(-self.distance / 2) / (1 - DETECTION))
 
-    def after(self, detections: Sequence[Array], chance: float, density: float) -> tuple[Array, Array] | None:
-        """Return mean and covariance after some detections; None where the track has ended, or refuses such clutter."""
+    def after(self, detections: Sequence[Array], stated_pd: float, density: float) -> tuple[Array, Array] | None:
+        """Return mean and covariance after detections at offsets ``(m,)``; None if the track ends or the step fails."""
         expected = self.geometry[0][:, None]
         measured = expected + np.stack(detections, axis=1) if detections else expected[:, :0]
-        scan = self.scans[-1]._replace(detection_probability=chance, clutter_density=density)
+        scan = self.scans[-1]._replace(detection_probability=stated_pd, clutter_density=density)
         try:
             return self.after_scan(with_detections(scan, measured))
         except TrackFault:
@@ -91,22 +91,22 @@ class WeighedTrack(FollowedTrack):
         after = self.after([self.beside], DETECTION, NO_CLUTTER * self.even)
         return None if after is None else after[0] - self.mean
 
-    def share(self, detections: Sequence[Array], chance: float, clutter: float) -> float | None:
-        """Return the step by some detections as a share of the step ``whole``; None where the track has ended."""
-        after, whole = self.after(detections, chance, clutter * self.even), self.whole
+    def share(self, detections: Sequence[Array], stated_pd: float, relative_clutter: float) -> float | None:
+        """Return the step by detections at offsets ``(m,)`` as a share of ``whole``; None where the track has ended."""
+        after, whole = self.after(detections, stated_pd, relative_clutter * self.even), self.whole
         if after is None or whole is None:
             return None
         return float((after[0] - self.mean)[:2] @ whole[:2] / (whole[:2] @ whole[:2]))
 
-    def odds(self, chance: float, clutter: float, offset: Array | None = None) -> float | None:
-        """Return the odds of a detection, by default at ``beside``, against a miss; None unless both count."""
-        weight = self.share([self.beside if offset is None else offset], chance, clutter)
+    def odds(self, stated_pd: float, relative_clutter: float, offset: Array | None = None) -> float | None:
+        """Return the odds of a detection, by default at ``beside``, against a miss; None unless both have weight."""
+        weight = self.share([self.beside if offset is None else offset], stated_pd, relative_clutter)
         if weight is None or not BETWEEN[0] < weight < BETWEEN[1]:
             return None
         return weight / (1 - weight)
 
     def telling_odds(self) -> tuple[float, float | None]:
-        """Return the first stated clutter at which detection and miss count, and the odds there; else 0 and None."""
+        """Return the first clutter tried at which detection and miss have weight, and the odds; else 0 and None."""
         candidates = ((clutter, self.odds(DETECTION, clutter)) for clutter in CLUTTER)
         return next(((clutter, odds) for clutter, odds in candidates if odds is not None), (0.0, None))
 
@@ -133,7 +133,7 @@ class WeighedTrack(FollowedTrack):
     },
 )
 def weights(make: Make, site: Site) -> PartResult:
-    """State other detection probabilities and clutter, and give two detections at once."""
+    """Change the stated detection probability and clutter, give two detections, and compare steps and covariances."""
     result, track = PartResult(), WeighedTrack.of_object(make, site, OBJECTS[:, 0], FOLLOWED)
     if track is None:
         return result
