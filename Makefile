@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/command-line.md docs/glossary.md docs/doctor-reference.md
 
-.PHONY: help demo quick test test-all test-long fuzz real-faults calibration calibrated-worlds radar worlds published lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
+.PHONY: help demo quick test test-all test-long fuzz real-faults calibration calibrated-worlds radar worlds published lint types contracts docs install benchmark pins same-numbers printed tuned suite drivers envelopes reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -154,6 +154,10 @@ calibrated-worlds: $(VENV)/.installed-dev
 # Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about an hour on two cores.
 tuned: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.tuned
+
+# The first entries of trackbench-road-1, by built-in trackers, FilterPy and Stone Soup: results/suite; an hour of one core.
+suite: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.suite
 
 # Simulated drivers fitted to recorded traffic, and trackers with them: results/drivers; needs TRACKBENCH_DATA; ten minutes.
 drivers: $(VENV)/.installed-dev

@@ -92,11 +92,13 @@ def test_the_code_of_an_own_tracker_is_that_of_its_file(scene: Path) -> None:
     assert provenance_of(tb.load(scene, {"trackers.mine.use": "nothing_there:T"})).code == {"mine": None}
 
 
-def test_the_code_in_a_package_is_found_without_importing_it(scene: Path) -> None:
+@pytest.mark.parametrize("marked", [True, False])
+def test_the_code_in_a_package_is_found_without_importing_it(scene: Path, marked: bool) -> None:
     package = scene.parent / "pack" / "inner"
     package.mkdir(parents=True)
-    (package.parent / "__init__.py").write_text("raise SystemExit\n", encoding="utf-8")
-    (package / "__init__.py").write_text("", encoding="utf-8")
+    if marked:
+        (package.parent / "__init__.py").write_text("raise SystemExit\n", encoding="utf-8")
+        (package / "__init__.py").write_text("", encoding="utf-8")
     (package / "mine.py").write_text(TRACKER, encoding="utf-8")
     made = provenance_of(tb.load(scene, {"trackers.mine.use": "pack.inner.mine:T"}))
     assert made.code == {"mine": hashlib.sha256(TRACKER.encode()).hexdigest()}

@@ -110,14 +110,14 @@ def _sha256(sources: Mapping[str, bytes]) -> str | None:
 
 def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
     """Return the file of the module that a reference names, with its content; the module is not imported."""
-    places, name, spec = None, "", None
+    places, spec = None, None
     with searched(folder):
         for part in reference.partition(":")[0].split("."):
-            name = f"{name}.{part}" if name else part
-            spec = PathFinder.find_spec(name, places)
+            # By its last name: that of a folder without __init__.py in another would need the outer one imported.
+            spec = PathFinder.find_spec(part, places)
             if spec is None:
                 return None
-            places = spec.submodule_search_locations
+            places = [*spec.submodule_search_locations] if spec.submodule_search_locations else None
     file = spec.origin if spec else None
     return (file, Path(file).read_bytes()) if file and Path(file).is_file() else None
 

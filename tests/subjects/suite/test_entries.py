@@ -172,6 +172,7 @@ def test_entries_of_several_machines_merge_paired(entry: Path, cli: Cli) -> None
         shutil.move(elsewhere / name, entry.parent)
     assert cli("suite", "page", entry.parent).status == 0
     page = (entry.parent / "index.md").read_text(encoding="utf-8")
+    assert f"| {DRAWN} | ekf_cv | 0." in page
     assert "| a | **[ekf_cv](ekf_cv/entry.json)** | [0." in page
     assert "](ekf_cv/drawn-ideal/report.html)" in page
     assert f"trackbench suite run {SUITE} mine.yaml --only {DRAWN}" in page

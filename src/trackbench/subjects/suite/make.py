@@ -168,6 +168,7 @@ class EntryMaker:
     def _write_entry(self, scenarios: list[SuiteScenario], path: Path) -> None:
         kinds = list(dict.fromkeys(item.kind for item in scenarios))
         stated, origins = self.tracker.stated, [*self._origins.values()]
+        all_of_its_kind = self.tracker.scenarios([*self.suite.scenarios.values()])
         tracker = TrackerIdentity(
             **stated.model_dump(include={"name", "version", "licence", "source"}),
             made="run here" if stated.tracks is None else "tracks",
@@ -183,7 +184,7 @@ class EntryMaker:
             machine=Machine(system=platform.platform(), cores=os.cpu_count() or 1, versions=versions()),
             made_at=origins[0].made_at if origins else provenance_of(scenarios[0].plain).made_at,
             commit=origins[0].commit if origins else None,
-            command=self.command(*([] if len(scenarios) == len(self.suite.scenarios) else [i.id for i in scenarios])),
+            command=self.command(*([] if scenarios == all_of_its_kind else [item.id for item in scenarios])),
             files=digests_in(path.parent),
             sha256="",
         )

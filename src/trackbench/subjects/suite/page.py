@@ -15,7 +15,8 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
 from trackbench.report.pairs import group_letter, groups_of
-from trackbench.results import Result, TrackerResult
+from trackbench.report.tables import TRACKER, metric_cells, metric_in_words, metric_of, name_cells, unit_after_heading
+from trackbench.results import Result
 from trackbench.scenario.worlds import WORLDS
 from trackbench.subjects.suite.entry import ENTRY
 from trackbench.subjects.suite.merge import MergedEntries
@@ -24,8 +25,8 @@ from trackbench.subjects.suite.suite import Suite
 #: Files of an entry's scenario of which a page opens the first that is there.
 OPENED = ("recording.rrd", "report.html")
 MEANING = (
-    "Trackers that share a letter are not shown to differ by more than the margin, and a is the best. In "
-    "brackets: the 95 % interval over the scenes. A name opens the entry, and the number its recording or its report."
+    "Below, trackers that share a letter are not shown to differ by more than the margin. A name opens the entry, and "
+    "the first number its recording or its report. Small print: 95 % intervals, and how large a covariance is."
 )
 
 
@@ -39,42 +40,50 @@ def page_files(merged: MergedEntries, folder: Path) -> dict[str, str]:
 def suite_document(merged: MergedEntries, folder: Path) -> Document:
     """Return the page of entries, whose links are relative to a folder."""
     suite = merged.suite.stated
-    names = [stored.entry.tracker.name for stored in merged.entries]
-    styles = tracker_styles({name: number for number, name in enumerate(names)})
-    by_world: dict[str, list[Block]] = {world: [] for world in WORLDS}
-    for name, result in merged.results.items():
-        world = merged.suite.scenarios[name].stated.world or "as stated"
-        by_world.setdefault(world, []).append(_scenario_section(merged, name, result, folder))
-    blocks: list[Block] = [Paragraph(MEANING)]
-    blocks += [Section(f"World: {world}", tuple(sections)) for world, sections in by_world.items() if sections]
-    blocks.append(Section("Entries", (_entries(merged, folder),)))
-    blocks.append(Section("Cite the suite", (Code(bibtex(merged.suite), "bibtex"),)))
-    lead = f"{suite.id}, version {suite.version}: {counted(len(names), 'entry', 'entries')}"
+    styles = tracker_styles({stored.entry.tracker.name: number for number, stored in enumerate(merged.entries)})
+    letters = {name: group_letters(merged, name, result) for name, result in merged.results.items()}
+    blocks: list[Block] = [overview_table(merged, letters), Paragraph(MEANING)]
+    for world in (*WORLDS, None):
+        names = [name for name in letters if merged.suite.scenarios[name].stated.world == world]
+        sections = tuple(_scenario_section(merged, name, letters[name], folder) for name in names)
+        blocks += [Section(f"World: {world or 'as stated'}", sections)] if sections else []
+    cited = Section("Cite the suite", (Code(bibtex(merged.suite), "bibtex"),))
+    blocks += [Section("Entries", (_entries(merged, folder),)), cited]
+    lead = f"{suite.id}, version {suite.version}: {counted(len(styles), 'entry', 'entries')}"
     return Document("suite", suite.title, tuple(blocks), lead=lead, trackers=tuple(styles.values()))
 
 
-def _scenario_section(merged: MergedEntries, name: str, result: Result, folder: Path) -> Section:
-    """Return the groups of verdicts of one scenario."""
-    metrics = merged.suite.stated.metrics[merged.suite.scenarios[name].kind]
-    letters, stored = _letters(merged, name, result), {item.entry.tracker.name: item for item in merged.entries}
+def overview_table(merged: MergedEntries, letters: dict[str, dict[str, str]]) -> Table:
+    """Return the best tracker of each scenario, and which others are shown to be worse."""
     rows = []
-    for tracker in result.summary.ranking:
-        own, place = result[tracker], stored[tracker].folder
-        first, *others = (_number(own, path) for path in metrics)
-        first = replace(first, reason=result.why_unscored(own), link=_shown(place / name, folder))
-        entry = Cell(tracker, own.marks, tracker=tracker, link=os.path.relpath(place / ENTRY, folder))
-        rows.append((Cell(letters.get(tracker, "")), entry, first, *others))
-    headings = (path.upper() if path.isalpha() else path.replace("_", " ").replace("rmse", "RMSE") for path in metrics)
-    columns = (Column("group"), Column("tracker", left=True), *map(Column, headings))
-    blocks: list[Block] = [Table(name, columns, tuple(rows))]
-    commands = (item.command for stored in merged.entries for item in stored.entry.scenarios if item.id == name)
-    blocks.append(Section("Commands", (Code("\n".join(commands), "sh"),), folded=True))
-    return Section(f"{name}: {merged.suite.scenarios[name].plain.config.description}", tuple(blocks))
+    for name, (first, *others) in ((name, [*groups]) for name, groups in letters.items() if groups):
+        worse = [other for other in others if not {*letters[name][other]} & {*letters[name][first]}]
+        alike = [other for other in others if other not in worse]
+        score = str(merged.results[name][first].metrics[merged.results[name].summary.headline])
+        rows.append(tuple(map(Cell, (name, first, score, ", ".join(alike), ", ".join(worse)))))
+    headings = ("scenario", "best", "position RMSE or T-GOSPA", "not shown to differ", "shown to be worse")
+    return Table("overview", tuple(Column(each, left=True) for each in headings), tuple(rows))
 
 
-def _letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]:
+def _scenario_section(merged: MergedEntries, name: str, letters: dict[str, str], folder: Path) -> Section:
+    """Return the groups of verdicts of one scenario."""
+    scenario, result = merged.suite.scenarios[name], merged.results[name]
+    places = {stored.entry.tracker.name: stored.folder for stored in merged.entries}
+    trackers = [result[tracker] for tracker in result.summary.ranking]
+    names = [replace(cell, link=os.path.relpath(places[cell.tracker] / ENTRY, folder)) for cell in name_cells(trackers)]
+    groups = [Cell(letters.get(each.name, ""), reason=result.why_unscored(each)) for each in trackers]
+    columns = [(Column("group"), groups), (TRACKER, names)]
+    for path in merged.suite.stated.metrics[scenario.kind]:
+        heading = metric_in_words(path) + unit_after_heading(metric_of(trackers[0], path).unit)
+        columns.append((Column(heading, details="95 % interval"), metric_cells(trackers, path)))
+    shown = zip(columns[2][1], trackers, strict=True)
+    columns[2] = columns[2][0], [replace(cell, link=_shown(places[each.name] / name, folder)) for cell, each in shown]
+    return Section(f"{name}: {scenario.plain.config.description}", (Table.of_columns(name, columns),))
+
+
+def group_letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]:
     """Return the groups of a scenario by tracker; none where nothing was compared."""
-    scored = [tracker for tracker in result.summary.ranking if not result.why_unscored(result[tracker])]
+    scored = [tracker.name for tracker in result.scored]
     if len(scored) < 2:
         return {}
     differ = {
@@ -83,18 +92,8 @@ def _letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]
         for item in group.differences
         if (item.scenario, item.metric) == (name, result.summary.headline) and item.verdict in ("better", "worse")
     }
-    groups = groups_of(scored, lambda a, b: frozenset((a, b)) in differ)
-    return {
-        tracker: "".join(group_letter(number) for number, group in enumerate(groups) if tracker in group)
-        for tracker in scored
-    }
-
-
-def _number(tracker: TrackerResult, path: str) -> Cell:
-    metric = tracker.metrics.get(path)
-    if metric is None or metric.value is None:
-        return Cell("n/a", reason="" if metric is None else metric.reason or "")
-    return Cell(str(metric) if metric.verdict is None else f"{metric} {metric.verdict}")
+    groups = [*enumerate(groups_of(scored, lambda a, b: frozenset((a, b)) in differ))]
+    return {own: "".join(group_letter(number) for number, group in groups if own in group) for own in scored}
 
 
 def _shown(scenario: Path, folder: Path) -> str:
