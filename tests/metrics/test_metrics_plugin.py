@@ -154,7 +154,7 @@ NO_VALUES = {
     "Interval(1.0, [0.0] * 4)": "interval must be an array of numbers of shape (4,), not [0.0, 0.0, 0.0, 0.0]",
     "MetricValue.model_construct(value=float('nan'), unit='m^2')": "finite number",
     "MetricValue(value=float('nan'), unit='m^2')": "finite number",
-    "{'value': 1.0, 'mean': 2.0}": "names of what finish returns must be odd_8, not ['odd_8.value', 'odd_8.mean']",
+    "{'value': 1.0, 'mean': 2.0}": "that finish returns must be odd_8, not ['odd_8.value', 'odd_8.mean']",
     "{'radar': 1.0}": "must be odd_9, not ['odd_9.radar']",
     "{'': 1.0, 5: 2.0}": "must be odd_10, not ['odd_10', 'odd_10.5']",
     "[1.0]": "must be real number, not list",

@@ -110,7 +110,7 @@ def test_what_cannot_be_compared_is_refused(before: Envelope, envelope: Callable
     two = {"key": "sensors.lidar.position_sigma_m", "values": [0.2, 0.9]}
     small = {"cells": 4}
     others = {
-        "other axes": envelope(axes={"noise": two}),
+        "different axes": envelope(axes={"noise": two}),
         "requirement": envelope(**small, expect=[{"tracker": "kf", "metric": "position_rmse", "below": 0.3}]),
         "no tracker": envelope(**small, expect=[{"tracker": "loose", "metric": "position_rmse", "below": 0.25}]),
     }

@@ -84,5 +84,5 @@ def test_an_examination_is_opened_as_it_is(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "recording.rrd"):
         with playable(path, Opening()) as ready:
             assert ready == (tmp_path / "recording.rrd", None)
-    with pytest.raises(InputError, match="one target"), playable(tmp_path, Opening(worst=1)):
+    with pytest.raises(InputError, match="no worst moments"), playable(tmp_path, Opening(worst=1)):
         pass
