@@ -1,13 +1,11 @@
 """A tracker with several motion models, as a scenario has it."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from tests.filters.test_filters_properties import TRUTH_START, measurements, through
-from tests.support.places import ROOT
 from tests.support.scenes import NOISE, tracker
 
 from trackbench.base.errors import TrackbenchError
@@ -54,7 +52,34 @@ def test_two_equal_models_are_one(motion, filter, start):
 
 
 #: The example of the page on filters.
-SCENARIO = re.search(r"```yaml\n(name:.*?)```", (ROOT / "docs/filters.md").read_text(), re.S)[1]
+SCENARIO = """\
+name: bend
+description: A vehicle that drives straight, turns, and drives straight
+truth:
+  source: scripted
+  duration_s: 16
+  rate_hz: 20
+  objects:
+    car:
+      start: {x: 20, y: -20, speed_mps: 12, course_deg: 90}
+      pieces:
+        - {for_s: 6}
+        - {for_s: 4, turn_rate_degps: 30}
+        - {for_s: 6}
+sensors:
+  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.3}
+trackers:
+  straight: {filter: ekf, motion: cv, acceleration_sigma_mps2: 0.3}
+  turning: {filter: ekf, motion: ctrv, acceleration_sigma_mps2: 0.3, yaw_acceleration_sigma_radps2: 1}
+  imm:
+    filter: ekf
+    motion:
+      imm:
+        - {model: cv, acceleration_sigma_mps2: 0.3}
+        - {model: ctrv, acceleration_sigma_mps2: 0.3, yaw_acceleration_sigma_radps2: 1}
+      stay_s: [5, 5]
+monte_carlo: {runs: 50, seed: 1}
+"""
 
 
 def loaded(tmp_path: Path, change=lambda tracker: None):

@@ -14,7 +14,7 @@ from trackbench.runner import work
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
-from trackbench.subjects.tuning.held_out import compare_held_out
+from trackbench.subjects.tuning.held_out import Split, compare_held_out, halved
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import objective_of
 
@@ -112,3 +112,16 @@ def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch:
         assert other is not None
         for name, values in one.values.items():
             np.testing.assert_allclose(values, other.values[name], rtol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("own", "number", "tested"), [([3, 7], 3, [3, 7, 4]), ([2, 9, 5], 2, [2, 9]), (2, 4, [1, 2, 3, 4])]
+)
+def test_the_test_has_the_scenarios_own_scenes_first(own: Any, number: int, tested: list[int]) -> None:
+    halves = halved(
+        load("highway", {"truth.seeds": own, "truth.seed": 1} if own == 2 else {"truth.seeds": own}),
+        Split(test_scenes=number),
+    )
+    train, test = ([scene.seed for scene in half.config.truth.scenes()] for half in (halves.train, halves.test))
+    assert test == tested
+    assert not {*train} & {*test}

@@ -61,8 +61,9 @@ class Halves:
 def halved(loaded: Scenario, split: Split) -> Halves:
     """Divide a scenario into one for tuning and one for the test, with other scenes or noise.
 
-    The test has the scenario's own scenes, followed by further ones, and its own noise. Tuning has other scenes, and
-    noise from the next seed.
+    With seeds the test has the scenario's own scenes: the first ``test_scenes`` of them, or all and further ones.
+    Tuning has other scenes, and noise from the next seed. Of a recording that is the same in every run the test has
+    every second log or stretch; a single log is not divided here.
 
     Raises:
         InputError: a number of scenes is given for a truth source that cannot make other scenes.
@@ -84,9 +85,10 @@ def halved(loaded: Scenario, split: Split) -> Halves:
     if not several:
         apart = "other noise and other random motion" if config.truth.random else SAME_MOTION
         return Halves(_with_draws(loaded, train_runs, train_seed), _with_draws(loaded, test_runs, test_seed), apart)
-    test_seeds = [scene.seed for scene in config.truth.scenes()]  # type: ignore[attr-defined]
-    count = split.test_scenes or (len(test_seeds) if len(test_seeds) > 1 else TEST_SCENES)
-    test_seeds = test_seeds[:count] if count <= len(test_seeds) else [test_seeds[0] + number for number in range(count)]
+    scene_seeds = [scene.seed for scene in config.truth.scenes()]  # type: ignore[attr-defined]
+    count = split.test_scenes or (len(scene_seeds) if len(scene_seeds) > 1 else TEST_SCENES)
+    further = (seed for seed in itertools.count(scene_seeds[0]) if seed not in scene_seeds)
+    test_seeds = list(itertools.islice(itertools.chain(scene_seeds, further), count))
     unused = (seed for seed in itertools.count(FIRST_SEED) if seed not in test_seeds)
     train_seeds = list(itertools.islice(unused, split.train_scenes or TRAIN_SCENES))
     return Halves(
