@@ -118,10 +118,9 @@ def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch:
     ("own", "number", "tested"), [([3, 7], 3, [3, 7, 4]), ([2, 9, 5], 2, [2, 9]), (2, 4, [1, 2, 3, 4])]
 )
 def test_the_test_has_the_scenarios_own_scenes_first(own: Any, number: int, tested: list[int]) -> None:
-    halves = halved(
-        load("highway", {"truth.seeds": own, "truth.seed": 1} if own == 2 else {"truth.seeds": own}),
-        Split(test_scenes=number),
-    )
+    truth = {"source": "highway-env", "env": "highway-v0", "duration_s": 5, "rate_hz": 10, "seeds": own}
+    truth |= {"seed": 1} if own == 2 else {}
+    halves = halved(load({**SCENARIO, "truth": truth}), Split(test_scenes=number))
     train, test = ([scene.seed for scene in half.config.truth.scenes()] for half in (halves.train, halves.test))
     assert test == tested
     assert not {*train} & {*test}
