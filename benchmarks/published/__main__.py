@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from .association import association
-from .projects import range_3km, udacity_ekf, udacity_ukf
+from .projects import range_3km, udacity_ekf, ukf_copy, ukf_own
 from .rows import Source, differing
 from .single import acceleration, air_traffic, car
 from .williams import williams
@@ -17,16 +17,16 @@ OUT = Path(__file__).parents[2] / "results" / "published" / "README.md"
 INTRODUCTION = """\
 # Published numbers beside ours
 
-Made by `make published` with `TRACKBENCH_DATA`. A number agrees inside our 95 % interval; on recorded data, where
-both sides have the same measurements, if every printed digit is the same. Of several numbers the largest difference
-is shown."""
+Made by `make published` with `TRACKBENCH_DATA`. A number agrees inside the 95 % beside it; without such a range,
+where both sides have the same data, if every printed digit is the same. Of several numbers the largest difference is
+shown."""
 
 
 def sources() -> tuple[Source, ...]:
     """Run every source."""
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder)
-        recorded = (udacity_ukf(), udacity_ekf(), car(target), williams(target))
+        recorded = (ukf_copy(), ukf_own(), udacity_ekf(), car(target), williams(target))
     return (*recorded, acceleration(), air_traffic(), association(), range_3km())
 
 

@@ -57,9 +57,9 @@ def association(runs: int = RUNS) -> Source:
 
 TEXT = """\
 Mori, Chang, Chong and Dunn (1995), IEEE T-AC 40(5), equation 2. Printed: the example of `correctAssocProbApprox` in
-the Naval Research Laboratory's `TrackerComponentLibrary`, with 10³ targets per km³ and det S = 10⁹ m⁶. Scenarios lie
-in the plane: ours is the assignment of `gnn` on innovations drawn in space, 100 times 1,000 targets."""
+the Naval Research Laboratory's `TrackerComponentLibrary`, with 10³ targets per km³ and det S = 10⁹ m⁶. Ours:
+1,000 targets are drawn in space, 100 times, and the assignment of `gnn` pairs them with their measurements."""
 CYCLES = """\
-Equation 2 is exp(-n), with n the expected number of other targets with which an exchange pays: simulated, 74.1 %.
-Such targets cluster, so that 75.0 % of the tracks have none; exchanges around three and more targets take the rest.
-At a tenth of the density all agree."""
+Equation 2 counts exchanges of two targets: simulated, 75.0 % of the targets have no such exchange that lowers the cost
+(exp(-n), with n its mean number for a target: 74.1 %). Exchanges around three and more targets take the rest. At a
+tenth of the density all agree."""

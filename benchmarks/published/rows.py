@@ -12,7 +12,7 @@ from benchmarks.markdown import table
 from trackbench.base.types import Array
 from trackbench.results.metric_value import MetricValue
 
-HEAD = ("", "printed", "ours", "95 %", "difference", "agrees")
+COLUMNS = ("printed", "ours", "95 %")
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,16 @@ class Source:
     text: str
     """What was published where, and what ours is."""
     rows: tuple[Row, ...]
+    columns: tuple[str, str, str] = COLUMNS
+    """Headings over the published numbers, ours and the intervals; a table without intervals leaves the third out."""
 
     def section(self) -> Iterator[str]:
         """Yield the lines of the section of the page."""
         yield from (f"## {self.title}", "", self.text, "")
-        yield from table(HEAD, [row.cells() for row in self.rows])
+        lines = [("", *self.columns, "difference", "agrees"), *(row.cells() for row in self.rows)]
+        if all(row.interval is None for row in self.rows):
+            lines = [(*line[:3], *line[4:]) for line in lines]
+        yield from table(lines[0], lines[1:])
 
 
 def of_metric(quantity: str, printed: float, metric: MetricValue, places: int, why: str = "") -> Row:

@@ -129,4 +129,5 @@ def williams(target: Path) -> Source:
 TEXT = """\
 Williams (2015), IEEE T-AES 51(3). Printed: RMS over 20 runs of 81 scans by the PMB of A. F. García-Fernández
 (`Agarciafernandez/MTT`, run under GNU Octave) with its own GOSPA, m. Ours: its estimates as they are, and `pmb` and
-`jipda` on the same detections. Differences are of the squared GOSPA, m², paired by run; 0 stands for none."""
+`jipda` on the same detections. Last two rows: mean difference of the squared GOSPA in the
+same runs, m²; 0 where equal."""

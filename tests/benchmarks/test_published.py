@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from benchmarks.published.association import association
-from benchmarks.published.projects import range_3km, udacity_ekf, udacity_ukf
+from benchmarks.published.projects import range_3km, udacity_ekf, ukf_copy, ukf_own
 from benchmarks.published.rows import Row, Source, differing
 from benchmarks.published.single import acceleration, air_traffic, car
 from benchmarks.published.williams import AUTHORS, METHODS, folder, scenario, squared_gospa, williams
@@ -80,7 +80,8 @@ def test_the_best_assignment_is_worse_in_space_than_the_formula() -> None:
 @pytest.mark.parametrize(
     ("source", "expected"),
     [
-        (udacity_ukf, ["lidar and radar, sound filter", "radar, sound filter", "std_a 0.1, std_yawdd 0.1"]),
+        (ukf_copy, ["std_a 0.1, std_yawdd 0.1"]),
+        (ukf_own, ["lidar and radar", "radar"]),
         (udacity_ekf, ["EKF, from two lidar measurements"]),
         (range_3km, ["(a) x", "(b) y"]),
     ],

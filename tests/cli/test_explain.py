@@ -27,6 +27,10 @@ def test_every_term_of_a_table_and_an_examination_has_a_page() -> None:
         ("GOSPA_missed", "gospa_missed: "),
         ("azimuth_not_wrapped", "found by: azimuth_wrapping"),
         ("noise_per_step", "finds: q_constant_per_step"),
+        ("worse", "it is shown to exceed the margin"),
+        ("not shown", "take more runs or scenes"),
+        ("undecided", "too few runs or scenes to say"),
+        ("Margin", "The largest difference of two trackers that does not matter"),
         ("optimistic", "the errors are larger than its covariance states"),
     ],
 )

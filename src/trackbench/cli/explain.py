@@ -53,6 +53,11 @@ def glossary() -> str:
     return "\n\n".join([GLOSSARY, *(line for section in sections.values() for line in section)]) + "\n"
 
 
+def _names(page: TermPage) -> list[str]:
+    """Return the words that a page explains, in lower case: one, or several between commas."""
+    return page.name.lower().split(", ")
+
+
 @click.command("explain")
 @click.argument("term", required=False)
 def explain_command(term: str | None) -> None:
@@ -67,10 +72,10 @@ def explain_command(term: str | None) -> None:
     if term is None:
         paragraphs = [f"{subject}: {', '.join(page.name for page in listed)}" for subject, listed in subjects.items()]
     else:
-        matching = [page for page in pages if page.name.lower() == term.lower()]
+        matching = [page for page in pages if term.lower() in _names(page)]
         paragraphs = [part for page in matching for part in (page.name, *map(": ".join, page.page))]
     if not paragraphs:
-        near = did_you_mean(similar_names(str(term).lower(), [page.name for page in pages]))
+        near = did_you_mean(similar_names(str(term).lower(), [name for page in pages for name in _names(page)]))
         raise InputError(f"there is no page on {term!r}: {near or '`trackbench explain` lists them'}")
     print_answer("\n\n".join(click.wrap_text(text, 80, "", "  ", preserve_paragraphs=True) for text in paragraphs))
 

@@ -125,10 +125,19 @@ def test_its_folder_is_a_run_and_its_scenario_repeats_it(countered: Envelope, tm
     assert {"scenario.yaml", "report.html", "report.md", "recording.rrd", "result.json"} <= {
         file.name for file in place.iterdir()
     }
+    assert f"trackbench view counter_examples/{place.name}" in (folder / "envelope.md").read_text()
     assert tb.Result.load(place)["kf"].position_rmse.value == example.result["kf"].position_rmse.value
     again = tb.run(tb.load(place / "scenario.yaml", trackers=["kf"]), workers=1)
     assert again["kf"].position_rmse.value == example.result["kf"].position_rmse.value
     assert read_envelope(folder).claim.model_copy(update={"parts": None}) == countered.claim
+
+
+def test_a_recording_is_not_offered_where_there_is_none(commanded: Commanded) -> None:
+    page = (commanded.folder / "results" / "small-envelope" / "envelope.md").read_text()
+    for text in (page, commanded.done.output):
+        assert "Nearest counter-examples" in text
+        assert "has the scenario and the report of" in " ".join(text.split())
+        assert "trackbench view" not in text
 
 
 CAR: dict[str, Any] = {"start": {"x": 30, "y": 5, "speed_mps": 10}}

@@ -76,12 +76,25 @@ def test_what_is_printed_contains_the_band(low, width, share):
     assert centre + half >= high - 1e-5 * (high - low)
 
 
+@pytest.mark.parametrize(
+    ("low", "point", "high", "text"),
+    [
+        (2.003, 2.23, 2.381, "2.23 (2.00 to 2.39)"),
+        (0.012, 0.1, 1.0, "0.10 (0.01 to 1.00)"),
+        (0.0, 2.0, 10.0, "2 (0 to 10)"),
+    ],
+)
+def test_the_ends_of_a_band_have_the_decimals_of_the_border(low, point, high, text):
+    axis = MapAxis("q", Axis.model_validate({"key": "a.b", "from": 0, "to": 1e4}))
+    assert border(axis, Crossing(low, high, point, True)) == text
+
+
 def test_the_line_goes_through_the_scenario_or_near_it():
     claim = claim_of(SQUARE, {"ekf": lambda x, y: x + y}, base=[1.4, 1.0], more=[(0.5, 0.25), (0.125, 0.5)])
     along_q, along_r = margins(claim, "ekf")
     assert [value for _, value in along_q.at] == [1.0]
     assert [value for _, value in along_r.at] == [1.5]
-    assert (holding(along_r), place_of_line(along_r)) == ("up to 4 deg (1 to 10)", "q 1.5 m")
+    assert (holding(along_r), place_of_line(along_r)) == ("up to 3.7 deg (1.0 to 10.0)", "q 1.5 m")
 
 
 def test_each_category_has_its_line():

@@ -107,6 +107,7 @@ def envelope_command(
     """
     from trackbench.document.terminal import print_document
     from trackbench.subjects.envelope.api import EnvelopePlan, make_envelope
+    from trackbench.subjects.envelope.claim import read_envelope
     from trackbench.subjects.envelope.claim_commands import suite_of_claim
     from trackbench.subjects.envelope.files import (
         claim_text,
@@ -138,6 +139,6 @@ def envelope_command(
         for line in headlines(envelope.claim):
             print_answer(line)
     else:
-        print_document(envelope_summary(envelope), Console(file=answer()))
+        print_document(envelope_summary(read_envelope(folder)), Console(file=answer()))
         print_answer(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")
     raise click.exceptions.Exit(FAILED_PLUGIN if any(envelope.claim.failures.values()) else 0)

@@ -57,10 +57,10 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
     return "; ".join(sentences)
 
 
-def counter_section(claim: Claim, run: Result | None = None) -> Iterator[Section]:
+def counter_section(claim: Claim, run: Result | None) -> Iterator[Section]:
     """Yield the section on a map's counter-examples; nothing where none were sought.
 
-    ``run`` is the result of the nearest counter-example, which is drawn from above.
+    ``run`` is the result of the nearest counter-example, which is drawn from above. All of them are recorded if it is.
     """
     counter = claim.counter_examples
     if counter is None:
@@ -68,14 +68,18 @@ def counter_section(claim: Claim, run: Result | None = None) -> Iterator[Section
     notes = [Item(f"{base.tracker}: {base.note}") for base in counter.bases if base.note]
     blocks: list[Block] = [Items(tuple(notes))] if notes else []
     if counter.examples:
+        is_recorded = run is not None and run.summary.has_recording
+        contents = "scenario, the report and the recording" if is_recorded else "scenario and the report"
         intro = (
             "Towards each face of the map, the nearest cell that fails with confidence. Each folder in "
-            f"{COUNTER_EXAMPLES}/ has the scenario, the report and the recording of its median failing run."
+            f"{COUNTER_EXAMPLES}/ has the {contents} of its median failing run."
         )
         causes = Items(tuple(_cause(example) for example in counter.examples))
         nearest = min(counter.examples, key=lambda example: example.distance)
-        blocks += [_examples(claim, counter), Paragraph(intro), causes, Paragraph("Next, in the folder of this page:")]
-        blocks.append(Code(f"trackbench view {COUNTER_EXAMPLES}/{nearest.folder}", "sh"))
+        blocks += [_examples(claim, counter), Paragraph(intro), causes]
+        if is_recorded:
+            blocks.append(Paragraph("Next, in the folder of this page:"))
+            blocks.append(Code(f"trackbench view {COUNTER_EXAMPLES}/{nearest.folder}", "sh"))
         blocks += _from_above(run) if run else []
     elif not any(claim.counts(name)["fails"] for name in claim.trackers):
         blocks.append(Paragraph("No cell fails with confidence."))

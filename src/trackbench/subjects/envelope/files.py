@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -47,7 +48,21 @@ def save_envelope(envelope: Envelope, out: Path, recording: bool = True) -> Path
     Raises:
         OutputError: the folder cannot be written.
     """
-    folder, document = folder_of(envelope.claim.scenario, out), envelope_document(envelope)
+    folder = folder_of(envelope.claim.scenario, out)
+    shown: dict[str, ShownExample] = {}
+    examples: dict[str, Callable[[Path], object]] = {}
+    for name, example in envelope.shown.items():
+        place = f"{COUNTER_EXAMPLES}/{name}"
+        result, artifacts = with_artifacts(example.result, () if recording else (RECORDING,))
+        shown[name] = example._replace(result=result)
+        text = written_with_changes(example.loaded, folder / place)
+        own: dict[str, Callable[[Path], object]] = {
+            "scenario.yaml": partial(results.write_file, text),
+            **result.files(),
+            **artifacts,
+        }
+        examples |= {f"{place}/{file}": write for file, write in own.items()}
+    document = envelope_document(replace(envelope, shown=shown))
     files: dict[str, Callable[[Path], object]] = {
         PARTS: partial(_write_parts, envelope),
         # The claim has the hash of the parts, so that it is written after them.
@@ -55,20 +70,9 @@ def save_envelope(envelope: Envelope, out: Path, recording: bool = True) -> Path
         "envelope.html": partial(results.write_file, to_html(document)),
         "envelope.md": partial(results.write_file, to_markdown(document)),
     }
-    for name, shown in envelope.shown.items():
-        place = f"{COUNTER_EXAMPLES}/{name}"
-        example_files = _files_of(shown, folder / place, recording)
-        files |= {f"{place}/{file}": write for file, write in example_files.items()}
-    results.save_files(files, folder, CLAIM)
+    results.save_files(files | examples, folder, CLAIM)
     shutil.rmtree(looks_of(envelope.claim.scenario, out), ignore_errors=True)
     return folder
-
-
-def _files_of(shown: ShownExample, folder: Path, recording: bool) -> dict[str, Callable[[Path], object]]:
-    text = written_with_changes(shown.loaded, folder)
-    left_out = () if recording else (RECORDING,)
-    result, artifacts = with_artifacts(shown.result, left_out)
-    return {"scenario.yaml": partial(results.write_file, text), **result.files(), **artifacts}
 
 
 def claim_text(claim: Claim) -> str:

@@ -194,7 +194,10 @@ def _spans(margin: AxisMargin) -> Iterator[str]:
 
 
 def border(axis: MapAxis, crossing: Crossing) -> str:
-    """Return a border as text: "2.1 ± 0.1 deg", or "2.1 deg (2.0 to 2.4)" if it is not half way between the cells."""
+    """Return a border as text: "2.1 ± 0.1 deg", or "2.1 deg (2.0 to 2.4)" if it is not half way between the cells.
+
+    The ends of the band are rounded outwards, each by less than a tenth of its width.
+    """
     low, high, point = crossing.low, crossing.high, crossing.point
     # The band has one digit, or two where the first would be a 1.
     step = 10.0 ** math.floor(math.log10((high - low) / 2) - 0.3)
@@ -202,7 +205,11 @@ def border(axis: MapAxis, crossing: Crossing) -> str:
         centre = _rounded(point, step)
         half = step * math.ceil(max(high - float(centre), float(centre) - low) / step - 1e-6)
         return f"{centre} ± {_rounded(half, step)} {axis.unit}".strip()
-    return f"{_rounded(point, step)} {axis.unit}".strip() + f" ({_number(low)} to {_number(high)})"
+    span = min(high - low, 10 * low) if low > 0 else high - low
+    step = 10.0 ** math.floor(math.log10(span) - 1)
+    ends = step * math.floor(low / step + 1e-6), step * math.ceil(high / step - 1e-6)
+    band = " to ".join(_rounded(end, step) for end in ends)
+    return f"{_rounded(point, step)} {axis.unit}".strip() + f" ({band})"
 
 
 def undecided(margin: AxisMargin) -> str:

@@ -129,7 +129,7 @@ def envelope_summary(envelope: Envelope) -> Document:
     """Return the summary of an envelope for the terminal."""
     claim = envelope.claim
     maps = [block for tracker in claim.trackers for block in map_blocks(claim, tracker)]
-    blocks = (*_headline(claim), *maps, *margins_tables(claim), *counter_section(claim))
+    blocks = (*_headline(claim), *maps, *margins_tables(claim), *counter_section(claim, envelope.nearest_run))
     return Document("envelope", f"Operating envelope of {claim.scenario}", blocks)
 
 
