@@ -70,7 +70,7 @@ vx, vy (m/s) over the first 498 of 500 estimates of one recording, as this table
 `recorded/udacity_ukf_tuning` is over all 500 (`published`: 0.0671 0.0804 0.3747 0.2166). The copy has the
 program's faults ([page](../../docs/projects/udacity-ukf.md)): agreement proves the copy, not our filter."""
 OWN_TEXT = """\
-The same by `ukf...`, our filter, without the faults."""
+By `ukf...`, our filter without the faults."""
 MISPRINTED = """\
 The printed vx is 0.5454. The copy has every other digit of the eleven rows, and 0.4554 here: probably
 two digits exchanged."""
@@ -82,8 +82,8 @@ EKF_TEXT = """\
 The same over 500 measurements. Ours: `ekf` and `ekf_half_known` of `recorded/udacity_fusion`
 ([page](../../docs/projects/udacity-fusion.md))."""
 START = """\
-How the source starts from two lidar measurements is not known. Taken literally it is farther off than the start that
-is shown: from one measurement, the velocity half known."""
+How the source starts from two lidar measurements is not known. Taken literally it is farther off than the start
+shown: from one measurement, the velocity half known."""
 RANGE_TEXT = """\
 One run of each case was published, RMSE in m. Ours: 1,000 runs
 ([page](../../docs/projects/range-3km.md))."""

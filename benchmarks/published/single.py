@@ -181,7 +181,7 @@ Blair (2008), "Design of nearly constant velocity track filters for tracking man
 error, in units of sigma_w², is a closed form of k. Table I has a polynomial for k: 4.225 at index 0.01, where
 the numerical optimum is 4.235 (last row). Ours: x of `published/constant_acceleration`, 2,000 runs after 60 s."""
 AIR_TEXT = """\
-Bar-Shalom, Li and Kirubarajan (2001), section 11.7.4: position RMSE, m. The book has curves only; given are the
+Bar-Shalom, Li and Kirubarajan (2001), section 11.7.4: position RMSE, m. The book has curves only; given are
 numbers of an independent program (number of runs unknown) and of a recursion for the exact expectation. Ours:
 `published/air_traffic`, 2,000 runs. 20,000 runs give the Kalman filter 141.53 (141.41 to 141.66) and the IMM 108.47
 (108.35 to 108.58): both numbers of the program are outside, 0.2 and 0.3 away, less than the standard error of 500
