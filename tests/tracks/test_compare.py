@@ -40,7 +40,7 @@ def _pair(result: Result) -> tuple[str, str]:
 def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
     page = document_text(comparison_document(compare_results([[traffic_result, other]])))
-    assert "Rank by T-GOSPA within each scenario" in page
+    assert "ranks by T-GOSPA within each scenario" in page
     assert "Switches a minute of an object" in page
     assert "consistent" not in page
 
@@ -123,7 +123,7 @@ def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: 
     assert {item.metric for group in comparison.groups for item in group.gates} == {"gospa"}
     assert [len(suite.cases) for suite in suites_of_comparison(comparison)] == [4, 0]
     assert "no gospa in tiny, so its limit says nothing of it" in comparison.notes
-    with pytest.raises(InputError, match=r"--metric: 'velocity' is not compared run by run; did you mean"):
+    with pytest.raises(InputError, match=r"--metric: 'velocity' has no values by run to compare; did you mean"):
         compare_results([both], metrics=["velocity"])
 
 

@@ -12,7 +12,7 @@ from trackbench.base.types import Scan
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.traffic import timeline
 from trackbench.results import Result
-from trackbench.runner.track_records import CORNERS, outlines
+from trackbench.runner.track_records import CORNERS, gate_outlines
 
 STATE = {"px_m", "py_m", "vx_mps", "vy_mps", *(f"p_{a}{b}" for a in range(4) for b in range(a, 4))}
 MEASUREMENT = {"z0", "z1", "z2", "x_m", "y_m", "sensor_x_m", "sensor_y_m", "sensor_yaw_rad"}
@@ -87,7 +87,7 @@ def test_the_edge_is_where_the_distance_is_the_threshold() -> None:
     scan = Scan(0.0, "lidar", "lidar", np.zeros((2, 0)), np.zeros(0, bool), noise, pose, np.zeros(2), 0.0)
     mean = np.array([[10.0, -4.0], [5.0, 8.0], [1.0, 0.0], [0.0, 2.0]])
     covariance = np.stack([np.diag([1.0, 2.0, 1.0, 1.0]), np.diag([3.0, 0.5, 1.0, 1.0])], axis=2)
-    x, y = outlines(scan, mean, covariance, 9.0)
+    x, y = gate_outlines(scan, mean, covariance, 9.0)
     assert x.shape == y.shape == (2, CORNERS)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     for track in range(2):
