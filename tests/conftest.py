@@ -121,7 +121,7 @@ def viewer_draws() -> bool:
             cause = error
         except (ConnectionError, RuntimeError):
             started.process.wait(viewer.PATIENCE)
-            cause = viewer.ended(started.log)
+            cause = viewer.end_error(started.log)
     assert str(cause) == viewer.NO_DRIVER
     return False
 

@@ -33,7 +33,7 @@ def _driven(name: str, drivers: str, seed: int) -> tuple[float, int]:
     with highway.isolated():
         env = highway.prepare_env(config)
         recorder = Recorder(env, highway.control_of(env, config))
-        action = highway._neutral(env.action_type)
+        action = highway._neutral_action(env.action_type)
         begin = time.process_time()
         for _ in range(int(min(config.duration_s, LONGEST_S) * env.config["policy_frequency"])):
             env.step(action)

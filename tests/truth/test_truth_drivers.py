@@ -82,7 +82,7 @@ def test_the_draws_of_the_environment_are_left_alone() -> None:
     before = env.np_random.bit_generator.state
     recorder = Recorder(env, highway.control_of(env, config))
     for _ in range(3):
-        env.step(highway._neutral(env.action_type))
+        env.step(highway._neutral_action(env.action_type))
     assert len(recorder.frames) == 30
     assert env.np_random.bit_generator.state == before
 
