@@ -168,7 +168,7 @@ class Tracks(NamedTuple):
     existence: Array | None = None
     """Probability ``(K,)`` that the track's object exists; None if the tracker computes none."""
     used: Indices | None = None
-    """Column ``(K,)`` of the detection in the scan that updated the track; -1 for a track without detection."""
+    """Column ``(K,)`` of the scan's detection that updated the track; -1 for no detection. None where not stated."""
 
     def __repr__(self) -> str:
         shown = np.array2string(np.asarray(self.ids), threshold=12, separator=", ", max_line_width=1000)

@@ -157,12 +157,12 @@ class PairDifference(ResultModel):
 
     @property
     def percent(self) -> float | None:
-        """Difference in percent of the reference value; None where that is zero."""
+        """Difference in percent of the value of ``against``; None where that value is zero."""
         return 100.0 * self.difference / abs(self.reference) if self.reference else None
 
     @property
     def percent_ci95(self) -> tuple[float, float] | None:
-        """Interval of the difference in percent of the reference value, whose uncertainty is ignored."""
+        """Interval in percent of the value of ``against``, taken as exact; None if that is 0 or without one."""
         if self.ci95 is None or not self.reference:
             return None
         low, high = (100.0 * end / abs(self.reference) for end in self.ci95)
@@ -170,7 +170,7 @@ class PairDifference(ResultModel):
 
     @property
     def ratio_ci95(self) -> tuple[float, float] | None:
-        """Interval of the ratio less one, in percent; the uncertainty of the reference value is included."""
+        """Interval of the ratio less one, in percent, with the uncertainty of both values; None if unknown."""
         ratio = self.log_ratio
         if ratio is None or ratio.error is None:
             return None

@@ -198,7 +198,7 @@ def message_answer(message: Mapping[str, Any], several: bool) -> Estimate | tupl
     """Return the tracker's answer that a message contains; its arrays are read-only and their shapes unchecked.
 
     Args:
-        message: of the type ``estimate``, ``tracks`` or ``none``.
+        message: of the type ``estimate``, ``tracks`` or, for the answer None, ``none``.
         several: whether the tracker follows several objects.
 
     Raises:

@@ -185,7 +185,7 @@ def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate |
 
 
 def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
-    """Join estimates along a last axis of members, with NaN for a member without an estimate.
+    """Join estimates along a last axis of members, with NaN for a member without one; None if no member has one.
 
     Raises:
         TrackerFault: the sizes of innovations or mode probabilities differ between members.

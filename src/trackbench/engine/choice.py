@@ -72,7 +72,7 @@ def seconds_on_kernels(engine: Engine) -> float:
 
 
 def compute_by(engine: Engine) -> Compute:
-    """Return the function with which an engine computes equations."""
+    """Return the function that computes equations by an engine: by NumPy or by compiled kernels."""
     return by_numpy if engine == "numpy" else _kernels()
 
 

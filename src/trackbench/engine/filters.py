@@ -199,7 +199,7 @@ class FusedFilter:
         scan: Scan | None = None,
         made_for: Hashable = None,
     ) -> Equations:
-        """Return the equations of :meth:`computed`, made once, with the motion models' options as further inputs."""
+        """Return the equations that :meth:`computed` uses, from a cache, with the motion models' options as inputs."""
         kind = "" if scan is None else scan.kind
         sensor = scan.sensor if scan is not None and self._sensors_matter else None
         # Editing a sensor in a notebook makes another class of the same name.

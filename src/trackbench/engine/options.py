@@ -42,7 +42,7 @@ def numbers(model: MotionModel, at: str) -> dict[str, Any]:
 
 
 def with_numbers(model: M, at: str, values: Values) -> M:
-    """Return the motion model with the named options replaced; the same object if none changes."""
+    """Return the model with options replaced by the values named "<at> <option>"; the same object if none changes."""
     update: dict[str, Any] = {}
     for name, value in _fields(model).items():
         result = _replaced(value, f"{at} {name}", values)

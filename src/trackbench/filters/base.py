@@ -99,7 +99,7 @@ class Measured(NamedTuple):
 
 
 class PredictedMeasurement(NamedTuple):
-    """Mean and covariance of a predicted measurement, and its covariance with the state."""
+    """Mean and covariance of a predicted measurement, without its noise, and its covariance with the state."""
 
     mean: Array
     """Mean ``(m, ...)`` of the predicted measurement."""

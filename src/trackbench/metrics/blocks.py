@@ -42,7 +42,7 @@ class BlockInterval(NamedTuple):
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks into which the rows of a log are cut: by time and, with many objects, by object as well."""
+    """Cuts of a log's rows into blocks: by time and, with many objects, also by object. The wider interval counts."""
 
     cuts: tuple[Indices, ...]
     """For each way to cut, ``(rows,)`` the number of the block of each row."""
@@ -50,7 +50,7 @@ class Blocks:
     def intervals(self, terms: Array, finish: Callable[[Array], Array]) -> list[BlockInterval]:
         """Return bootstrap intervals, from whole blocks, of statistics that are functions of sums over rows.
 
-        The cut with the wider interval counts. Source: Kuensch (1989), "The jackknife and the
+        For each statistic the cut with the widest interval counts. Source: Kuensch (1989), "The jackknife and the
         bootstrap for general stationary observations"; the t quantile for few blocks as in Cameron, Gelbach and Miller
         (2008), "Bootstrap-based improvements for inference with clustered errors".
 

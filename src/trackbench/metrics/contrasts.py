@@ -52,9 +52,9 @@ class Contrast(NamedTuple):
     p_value: float
     """P-value of the hypothesis that the difference is within the margin: twice the tail probability at the nearer end.
     It is below 5 % exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis
-    that treatments have negligible effects"). Where one scene may decide, its possible effect is added to the margin.
-    Without a margin the test is the two-sided t test; where the difference is the same in every run, the sign test.
-    The p-value is 1 with fewer than two runs or ``FEWEST_SCENES`` scenes."""
+    that treatments have negligible effects"). Where one scene that was not drawn may decide,
+    its possible effect is added to the margin. Without a margin the test is the two-sided t test; where the difference
+    is the same in every run, the sign test. The p-value is 1 with fewer than two runs or ``FEWEST_SCENES`` scenes."""
     margin: float
     """Largest difference that does not matter; at least the rounding error."""
 

@@ -36,7 +36,7 @@ class Evaluation:
     intervals: dict[str, Interval] = field(default_factory=dict)
     """Intervals of the metrics that are means, by dotted path."""
     run_columns: dict[str, Array] = field(default_factory=dict)
-    """Columns ``(runs,)`` of the table of runs, by name, of the metrics whose sums no other metric shares."""
+    """Columns ``(runs,)`` of the table of runs, by name, for metrics that have sums of their own."""
     broken: dict[str, str] = field(default_factory=dict)
     """Message of the error that a user's metric raised in ``finish``, by name of the metric."""
 

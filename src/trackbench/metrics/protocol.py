@@ -84,7 +84,7 @@ class Scope:
 
 
 class Innovation(NamedTuple):
-    """Innovations of a tracker at one scan."""
+    """Whitened innovations of a tracker at one scan, and which of them count."""
 
     instant: int
     whitened: Array | None

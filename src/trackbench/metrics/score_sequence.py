@@ -97,7 +97,7 @@ class InnovationSequence:
         """Addresses to which the caller writes the whitened innovations of each measurement."""
 
     def add(self, sequence: CallSequence, at: Indices, valid: ArrayPlace, due: ArrayPlace) -> bool:
-        """Add the kernel calls numbered ``at`` that sum innovations; return whether a kernel exists for them."""
+        """Add calls that sum innovations, at the positions ``at`` of the sequence; return False if no kernel exists."""
         number, before = np.arange(len(at)), np.concatenate([[0], self._slots[:-1]])
         inputs = {"white": self.white, "valid": valid, "due": due}
         inputs |= {"white_before": place(self._white, 1, before), "used_before": place(self._used, 0, before)}
@@ -110,7 +110,7 @@ class InnovationSequence:
 
     @property
     def per_step(self) -> Array:
-        """``(7, count)`` sums at each measurement: number of innovations, NIS and the other rows of ``NIS_FIELDS``."""
+        """``(7, count)`` sums at each measurement: rows ``NIS_FIELDS``, such as number of innovations and NIS."""
         return total_of_vectors(self._per_step)
 
     @property

@@ -98,7 +98,7 @@ class BlockScores:
     per_part: Array
     """``(15, parts)`` sums within independent parts, of squared errors, NEES and the other rows of ``ERROR_FIELDS``."""
     charged: Array
-    """Portion of ``per_part`` that is charged for missing estimates."""
+    """``(15, parts)`` portion of the sums ``per_part`` that is charged for missing estimates."""
     due: Array
     """``(runs,)`` number of estimates, over instants and objects, that a tracker should give."""
     diverged: Array

@@ -137,7 +137,7 @@ def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
 
 
 def remarks(result: Result) -> list[str]:
-    """Return remarks on trackers: charges, errors below a bound, external tracks, and trackers out of competition."""
+    """Return remarks on trackers, such as large charges, errors below a bound, ignored tracks and reused identities."""
     competing = {tracker.name for tracker in result.contenders}
     kinds = {tracker.reference_kind for tracker in result.scored if tracker.name not in competing}
     return [

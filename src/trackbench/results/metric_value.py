@@ -112,8 +112,8 @@ class ConditionVerdict(ResultModel):
 class MetricValue(ResultModel):
     """Metric value with its unit and confidence interval; for a NEES or NIS also degrees of freedom and a verdict.
 
-    It is a number: ``float(value)``, ``f"{value:.3f}"`` and ``value < 0.1`` work, and ``str`` gives the value with its
-    interval, "0.0971 m (0.090 to 0.118)". Without a value they raise an InputError that says why there is none.
+    It is a number: ``float(value)``, ``f"{value:.3f}"`` and ``value < 0.1`` work; without a value they raise an
+    InputError with the reason. ``str`` gives value and interval, "0.0971 m (0.090 to 0.118)", or "no value: ...".
     """
 
     value: float | None = None
@@ -123,15 +123,15 @@ class MetricValue(ResultModel):
     ci95: tuple[float, float] | None = None
     """95 % interval; None where a single run gives none, or the metric has no interval."""
     reason: str | None = None
-    """Reason for a missing value or interval."""
+    """Reason for a missing value or interval; None where neither has a reason."""
     dof: int | None = None
     """Degrees of freedom of a NEES or NIS, the mean expected of a consistent tracker; None for other metrics."""
     steps_inside_bounds: float | None = None
-    """Share of the instants at which the mean NEES or NIS over runs and objects is within its 95 % bounds."""
+    """Share of instants with mean NEES or NIS, over runs and objects, in its 95 % bounds; None for other metrics."""
     coverage: float | None = None
-    """Share of the innovations that were given, among the measurements that should have one."""
+    """Share of the innovations that were given, among the measurements that should have one; None unless a NIS."""
     inside95: float | None = None
-    """Share of single NIS values below the 95 % point of chi-square."""
+    """Share of single NIS values below the 95 % point of chi-square; None for other metrics."""
     verdict: str | None = None
     """Verdict: on a covariance, such as ``consistent``, or on a whiteness, such as ``white``."""
     also: str | None = None

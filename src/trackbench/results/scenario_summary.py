@@ -37,9 +37,9 @@ class VelocityJumps(ResultModel):
     count: int = 0
     """Number of jumps; for a random motion, in all runs together."""
     largest_mps: float | None = None
-    """Change of the velocity vector in the largest jump."""
+    """Change of the velocity vector in the largest jump; None without a jump."""
     object: str | None = None
-    """Name of the object with the largest jump."""
+    """Name of the object with the largest jump; None without a jump."""
     time_s: float | None = None
     peak_acceleration_mps2: float | None = None
     """Largest acceleration: change of the velocity vector in a step over its duration, jump or not."""
@@ -112,7 +112,7 @@ class SceneSummary(ResultModel):
 
 
 class TruthSummary(ResultModel):
-    """Source of the truth, and audit of the recorded run; options of the source are extra fields."""
+    """Source of the truth with its options as extra fields, all scenes, and objects and audit of the recorded scene."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -157,7 +157,7 @@ class TruthSummary(ResultModel):
 
 
 class SensorSummary(ResultModel):
-    """Sensor as it was simulated or recorded: noise, field of view, rate, detections and effects."""
+    """Sensor as it was simulated or recorded, such as its noise, field of view, rate and effects."""
 
     kind: str
     noise: str
@@ -169,7 +169,7 @@ class SensorSummary(ResultModel):
     """Rate of the scans; of recorded scans, one over the median interval between them. None for a single scan."""
     preset: str | None
     detection_rate: float | None
-    """Share of the scans with an object in view in which the object was detected."""
+    """Share of the scans with an object in view in which the object was detected; None if that is unknown."""
     latency_s: tuple[float, float] = (0.0, 0.0)
     """Least and largest delay between the taking of a scan and its arrival."""
     effects: tuple[dict[str, JsonValue], ...] = ()
@@ -229,7 +229,7 @@ class ReferenceSummary(ResultModel):
 
     @property
     def meaning(self) -> str:
-        """Meaning of the reference, in one sentence."""
+        """Explanation, in one or two sentences, of what the Cramér-Rao reference says of this scenario."""
         white = f"with white acceleration of {self.acceleration_sigma_mps2:.3g} m/s² per axis"
         if self.kind == "bound":
             moving = white if self.acceleration_sigma_mps2 > 0 else "straight and steadily"

@@ -182,7 +182,7 @@ class TrackerResult(ResultModel):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}; {hint}")
 
     def __dir__(self) -> list[str]:
-        """Return the names of metrics and fields, and hide the methods of pydantic."""
+        """Return names of fields, of metrics that are identifiers, and of methods and properties except pydantic's."""
         methods = [name for name, value in vars(type(self)).items() if not name.startswith("_") and callable(value)]
         properties = [name for name, value in vars(type(self)).items() if isinstance(value, property)]
         return [*filter(str.isidentifier, self.metrics), *type(self).model_fields, *methods, *properties]

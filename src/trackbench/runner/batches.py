@@ -79,7 +79,7 @@ class KnownIdentities:
         return EstimateScoring(self._work, self._piece, name, self._targets, observe)
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run, with objects as batch axis, and pass them to ``observe``."""
+        """Pass the scans of the recorded run to ``observe``, and return them; None if that run is in another block."""
         run = self._work.recorded_in(self._piece)
         if run is None:
             return None
@@ -117,7 +117,7 @@ class HiddenIdentities:
         return TrackScoring(self._work, self.pieces, name, self.measurements)
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run, with the origins of their detections; ``observe`` is not called."""
+        """Return the recorded run's scans and origins, without calling ``observe``; None if it is in another block."""
         (piece,), measurements = self.pieces, self.measurements
         run = self._work.recorded_in(piece)
         if run is None:

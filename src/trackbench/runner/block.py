@@ -20,7 +20,7 @@ from trackbench.trackers.config import FilterConfig
 
 @dataclass
 class Block:
-    """Results of one block of runs: outcome of each tracker, detections, and the recorded scans."""
+    """Results of one block of runs, such as each tracker's outcome, numbers of detections, and the recorded scans."""
 
     piece: BlockRuns
     outcomes: dict[str, Outcome | Failure]

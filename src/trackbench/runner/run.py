@@ -75,7 +75,7 @@ def answers_of_scenes(
     executor: Executor,
     isolation: Isolation = ISOLATED,
 ) -> pa.Table | Failure:
-    """Run some scenes alone and return the trackers' answers as a table, or the first failure of a tracker.
+    """Run only the given scenes; return the trackers' estimates or tracks as a table, or a tracker's first failure.
 
     Args:
         loaded: the scenario.

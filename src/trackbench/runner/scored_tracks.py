@@ -68,7 +68,7 @@ class TrackScoring:
         return None, member
 
     def _stretches(self) -> tuple[list[int], list[int]]:
-        """Return the instants before which each stretch of a cut log ends, and the numbers of the scored stretches."""
+        """Return the index after each stretch's last instant, and the scored stretches; both empty without a cut."""
         if not self._work.stretches:
             return [], []
         number = stretch_of(self._time, self._work.stretches)

@@ -68,7 +68,7 @@ class ReferenceMotion(NamedTuple):
 
 @dataclass(frozen=True)
 class Work:
-    """Data that all blocks of a run share: scenes, trackers, rules of scoring and the engine."""
+    """Data that all blocks of a run share, such as scenes, trackers, rules of scoring and the engine."""
 
     scenario: str
     seed: int
@@ -112,7 +112,7 @@ class Work:
     """Whether one rare scene in a hundred may decide which of two trackers is better, as vehicles hide others."""
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
-        """Return the scenario's settings of a tracker that is driven by scans."""
+        """Return the settings of a tracker that the bench feeds with scans, unlike tracks from a file."""
         entry = self.trackers[name]
         assert not isinstance(entry, TracksConfig)
         return entry
@@ -148,7 +148,7 @@ class Work:
         return "numpy" if self.engine == "numpy" or unavailable() else "fused"
 
     def engine_of(self, used: EngineUsed | None) -> EngineUsed | None:
-        """Return the engine that computed a built-in tracker here; if it is not the chosen one, with the reason."""
+        """Return the engine ``used`` (None unless built in), with the reason if NumPy replaces the chosen one."""
         if used is None or self.engine == self.engine_here:
             return used
         return used._replace(why_numpy=unavailable() or "")

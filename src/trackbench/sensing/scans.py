@@ -105,9 +105,9 @@ class Measurements:
     digests: list[bytes]
     """Hash of all measurements of each run, by which results are recognised as made from equal data."""
     origins: list[Indices] = field(default_factory=list)
-    """Origin of each detection by scan, ``(D, runs)``, with hidden identities. It is an object's index (of a merged
-    detection, the object with the larger share), ``FALSE_ALARM``, ``PADDING``, or ``UNKNOWN_ORIGIN``. Without ground
-    truth it is the index of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
+    """Origin of each detection by scan, ``(D, runs)``; empty with known identities. An origin is the index of an
+    object (the one with the larger share of a merged detection), ``FALSE_ALARM``, ``PADDING`` or ``UNKNOWN_ORIGIN``.
+    Without ground truth it is the index of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
     merged: list[Indices] = field(default_factory=list)
     """Index of the second object in each merged detection of a scan, ``(D, runs)``; -1 for a single object."""
 

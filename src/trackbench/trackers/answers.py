@@ -78,7 +78,7 @@ def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:
 
 
 def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
-    """Return the estimate in a tracker's answer, after a check of its shapes and of the covariance's symmetry.
+    """Return the estimate, if any, in a tracker's answer, after a check of shapes and of the covariance's symmetry.
 
     Raises:
         TrackerFault: the answer is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
@@ -90,7 +90,7 @@ def checked_estimate(answer: Any, scan: Scan) -> Estimate | None:
 
 
 def shaped_estimate(answer: Any, scan: Scan) -> Estimate | None:
-    """Return the estimate in a tracker's answer, after a check of its shapes alone.
+    """Return the estimate in a tracker's answer, after a check of its shapes alone; None if there is none.
 
     Raises:
         TrackerFault: the answer is not a mean (4, ...) with a covariance (4, 4, ...).

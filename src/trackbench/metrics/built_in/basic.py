@@ -33,7 +33,7 @@ from trackbench.results import MetricValue
 
 
 class EstimateMetric(Metric):
-    """Metric from sums over all estimates and innovations: ``finish`` gets them as ``BlockScores``."""
+    """Metric computed by ``finish`` from ``BlockScores``, the sums over all estimates and innovations."""
 
     compared: ClassVar[bool] = False
     shared: ClassVar[Accumulator | None] = ESTIMATES

@@ -55,8 +55,8 @@ class RunScores(NamedTuple):
     """Scores of the tracks of one run: metrics, GOSPA over time, events, and states of the objects."""
 
     values: RunSums
-    """Total and number of terms of each metric, by path. A metric that the run cannot tell is left out. If objects wait
-    for a track in vain, ``confirm_latency`` has a total without a count."""
+    """Total and number of terms of each metric, by dotted path. A metric that the run cannot tell is left out.
+    ``confirm_latency``: total of all waiting times, also of waits in vain; count of the objects that get a track."""
     gospa: GospaParts
     """Parts of squared GOSPA at each instant, ``(T,)`` m^2."""
     events: tuple[TrafficEvent, ...]

@@ -138,11 +138,11 @@ ROUNDING = 1e-9
 
 
 class Weights(NamedTuple):
-    """Assignments of some objects to tracks at each instant, as weights of their pairs."""
+    """Assignments of an object, or of a group of objects, to tracks: a weight of each pair at each instant."""
 
     pairs: ObjectTrackPairs
     weight: Array
-    """``(T, E)`` 1 where a pair is assigned; between 0 and 1 where the linear program was not tight."""
+    """``(T, E)`` 1 where a pair is assigned, else 0; may lie between where the linear program was not tight."""
     exact: bool
 
     def saved(self) -> float:

@@ -34,7 +34,7 @@ class Timeline:
     recorded: int | None = None
     """Number of the recorded run; None if it is not among these runs."""
     strips: npt.NDArray[np.int8] | None = None
-    """``(T, N)`` states of the objects in the recorded run."""
+    """``(T, N)`` states of the objects in the recorded run; None if it is not among these runs."""
     reused_ids: int = 0
     """Number of ids that were used again after their track had ended."""
 

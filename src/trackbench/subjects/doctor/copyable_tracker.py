@@ -51,10 +51,10 @@ class CopyableTracker:
         return bool(getattr(self.tracker, "batched", False))
 
     def step(self, scan: Scan) -> Estimate | None:
-        """Return the estimate after a scan.
+        """Return the estimate after a scan; None if the tracker gives none.
 
         Raises:
-            TrackerFault: the tracker returned no estimate.
+            TrackerFault: the tracker's answer does not have the form or the shapes that it must have.
         """
         self.state, answer = unpack(self.tracker.step(self.state, scan))
         self.latest = shaped_estimate(answer, scan)

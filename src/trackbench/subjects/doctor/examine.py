@@ -77,7 +77,7 @@ def count_drive_steps(drives: Sequence[TestDrive], *, batched: bool) -> int:
 
 
 def count_evidence_steps(drives: Sequence[TestDrive]) -> int:
-    """Return the number of steps in one run of each drive, with the steps of copies that give the innovations."""
+    """Return the number of steps in one run of each drive, including steps of tracker copies that show innovations."""
     return sum(3 + 2 * len(scan.measurement) for drive in drives for scan in drive.scans)
 
 

@@ -76,7 +76,7 @@ def site_of(mount: Mount, observer: Carrier | None) -> SensorSite:
 
 
 def carrier_of(observer: Observer) -> Carrier:
-    """Return a scenario's observer at the instant of its greatest speed, with its turn rate of largest magnitude."""
+    """Return a scenario's observer at its greatest speed, but with the fastest turn rate of all instants."""
     fastest = int(np.argmax(np.hypot(observer.vx, observer.vy)))
     turn_rate = observer.yaw_rate[int(np.argmax(np.abs(observer.yaw_rate)))]
     pose = (observer.px[fastest], observer.py[fastest], wrap_angle(observer.yaw[fastest]))

@@ -156,7 +156,7 @@ class TrackerSession:
         return list(self.walk(scans))
 
     def peek(self, scan: Scan) -> Estimate | None:
-        """Return the estimate that ``step`` would return, without changing the session.
+        """Return the estimate, or None, that ``step`` would return, without changing the session.
 
         Raises:
             StepFailed: the step failed, or the tracker can neither be copied nor repeated.
@@ -193,7 +193,7 @@ class TrackerSession:
     def predict(self, scan: Scan) -> Estimate | None:
         """Return the estimate at the time of a scan, before its measurement: the answer to a missed scan.
 
-        Where no missed scan may be given, the last estimate is moved by its velocity, without process noise.
+        Where no missed scan may be given, the last estimate (None without one) is moved by its velocity, without noise.
 
         Raises:
             StepFailed: the step failed, or the tracker can neither be copied nor repeated.

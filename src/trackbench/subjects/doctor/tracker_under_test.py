@@ -121,7 +121,7 @@ class TrackerUnderTest:
         return self._sessions[key]
 
     def session_of_most(self, probe: Probe) -> TrackerSession | None:
-        """Return a session at a probe with all sensors, or with one sensor where the tracker fails with all."""
+        """Return a session at a probe with all sensors, else with one sensor; None if the tracker fails with each."""
         sessions = (self.session_at(probe, sensor_set) for sensor_set in reversed(self.sensor_sets()))
         return next((session for session in sessions if session is not None), None)
 

@@ -186,14 +186,14 @@ def share_bound(sample: Sample, level: float, side: Side, events: float = np.inf
     For independent trials it is exact (Clopper and Pearson 1934, "The use of confidence or fiducial limits illustrated
     in the case of the binomial"). Where runs vary less than single trials would, the effective number of trials is
     used, reduced because its variance is estimated (Korn and Graubard 1998, "Confidence intervals for proportions with
-    small expected number of positive counts estimated from cluster samples"). The bound towards the further end is then
-    at least :func:`positive_bound`. Otherwise each run is at most one trial. Trials are never more than ``events``.
+    small expected number of positive counts estimated from cluster samples"). The upper bound
+    of a share below 0.5 is then at least :func:`positive_bound`. In other cases a run counts as at most one trial.
 
     Args:
         sample: statistics of the share, 0 to 1.
         level: one-sided error probability.
-        side: ``lower`` or ``upper``.
-        events: number of events that the share refers to, where they are counted.
+        side: ``upper``, or ``lower``: 1 minus the upper bound of the opposite share.
+        events: number of events that the share refers to, an upper limit of the trials; infinite if not counted.
     """
     if side == "lower":
         return 1 - share_bound(sample.mirrored.scaled(-1.0, 1.0), level, "upper", events)

@@ -70,7 +70,7 @@ class CellValue(ResultModel):
 
 
 class TrackerState(ResultModel):
-    """State of a tracker in a cell."""
+    """State of a tracker in a cell (holds, fails or undecided), with the values by which it was judged."""
 
     state: State
     cause: str
@@ -106,7 +106,7 @@ class ClaimCell(ResultModel):
 
 
 class AbsentCells(ResultModel):
-    """Group of points without cells: the world sets there what an axis varies, so that each cell would be a copy."""
+    """Group of points without cells: the world there fixes the value that an axis varies, so cells would be copies."""
 
     at: dict[str, float | str]
     """Values that these points have in common, by axis name."""

@@ -14,7 +14,7 @@ COUNTER_EXAMPLES = "counter_examples"
 
 
 class ShownRun(ResultModel):
-    """Run that shows a counter-example: the median of the cell's runs beyond the limit."""
+    """Run that shows a counter-example: the median of the runs beyond the limit; without any, the run nearest to it."""
 
     scene: int
     run: int
@@ -22,7 +22,7 @@ class ShownRun(ResultModel):
     value: float | None
     """Value of the metric in the run; None where the metric has no value by run."""
     beyond: int | None
-    """Number of the cell's runs that are beyond the limit."""
+    """Number of the cell's runs that are beyond the limit; None where the metric has no value by run."""
     runs: int
 
 

@@ -40,7 +40,7 @@ class CellChange(NamedTuple):
     paired: bool
     """Whether both maps have the same measurements there, so that runs are compared one by one."""
     text: str
-    """Values before and after as text, or the reason why there is none."""
+    """Values before and after; without them, or if the tracker now fails for a cause other than a limit, the cause."""
 
 
 @dataclass(frozen=True)

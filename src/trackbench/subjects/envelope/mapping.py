@@ -1,6 +1,6 @@
 """The work on a map: runs in each cell until it is decided or its budget is spent, then new cells near the border.
 
-A look adds runs to a cell and then decides whether each tracker holds, fails or stays undecided there.
+A look is one round of runs in a cell, after which it is decided whether each tracker holds, fails or stays undecided.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class MapCell:
 
 
 class _Look(NamedTuple):
-    """Look at a cell whose runs are not made yet."""
+    """Look at a cell, begun and not finished: the cell's undecided trackers, and the blocks of runs to make."""
 
     cell: MapCell
     names: list[str]

@@ -72,7 +72,7 @@ class Function(Config, ABC):
 
     @abstractmethod
     def decide(self, ego: Ego, objects: Objects) -> Decision:
-        """Decide at each instant of each run by itself.
+        """Return the decision at each instant of each run, which depends on the motion at that instant alone.
 
         Args:
             ego: motion of the ego, arrays ``(...)``; axes may have length 1.

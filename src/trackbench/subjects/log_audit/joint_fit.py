@@ -235,7 +235,7 @@ def _result_at(
 
 
 def block_intervals(columns: Array, target: Array, blocks: Blocks) -> list[BlockInterval]:
-    """Return the least-squares coefficients of ``columns`` ``(p, m, rows)`` for ``target`` ``(m, rows)``."""
+    """Return intervals of the coefficients that fit ``columns`` ``(p, m, rows)`` to ``target`` ``(m, rows)``."""
     size = len(columns)
     squares = np.einsum("pmr,qmr->pqr", columns, columns).reshape(size * size, -1)
     products = np.einsum("pmr,mr->pr", columns, target)

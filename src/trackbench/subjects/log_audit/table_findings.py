@@ -63,7 +63,7 @@ def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None])
 
 
 def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """Yield a finding on the velocities that contradict the motion, one for each wrong unit."""
+    """Yield a finding for each unit that explains velocities contradicting the motion, and one for all others."""
     by_unit: dict[str | None, list[VelocityCheck]] = {}
     for check in checks:
         if check.contradicts:

@@ -79,7 +79,7 @@ def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
 
 
 def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
-    """Return the view of the legend."""
+    """Return the viewer's panel that shows the legend of the entries ``shown``."""
     return rrb.Spatial2DView(
         origin=LEGEND,
         name="Legend",

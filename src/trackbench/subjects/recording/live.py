@@ -143,7 +143,7 @@ class LiveScene:
         send(self._recording, result)
 
     def take_measurements(self, scans: list[Scan]) -> None:
-        """Store the measurements; they are drawn when the trackers reach their times."""
+        """Store the measurements; each is sent to the viewer when the trackers reach its time."""
         truth = self._live.truth
         self._measurements = table_of(measurement_records(scans, truth.ids))
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))

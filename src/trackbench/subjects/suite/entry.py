@@ -107,7 +107,7 @@ class StoredEntry:
     is_whole: bool
     """Whether ``entry.json`` has the sha256 that it states."""
     suite_file: str | None = None
-    """File of the suite, if it does not come with the package."""
+    """File of the suite; None for a suite that comes with the package."""
 
     @cached_property
     def suite(self) -> Suite:

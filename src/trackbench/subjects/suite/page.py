@@ -66,7 +66,7 @@ def overview_table(merged: MergedEntries, letters: dict[str, dict[str, str]]) ->
 
 
 def _scenario_section(merged: MergedEntries, name: str, letters: dict[str, str], folder: Path) -> Section:
-    """Return the groups of verdicts of one scenario."""
+    """Return a scenario's section: a table of trackers by rank, with metrics and groups not shown to differ."""
     scenario, result = merged.suite.scenarios[name], merged.results[name]
     places = {stored.entry.tracker.name: stored.folder for stored in merged.entries}
     trackers = [result[tracker] for tracker in result.summary.ranking]

@@ -44,7 +44,7 @@ def scored_estimates(
 
 
 def rows_of_estimates(file: Path) -> TrackRows:
-    """Return the rows of a file of estimates."""
+    """Read an entry's file of estimates; return its rows, each with one object and one time."""
     (rows,) = read_tracks(TracksConfig.model_validate({"use": "tracks", "path": file.name}), "estimates", file.parent)
     return rows
 

@@ -43,7 +43,7 @@ class ScenarioEntry(Config):
 
 
 class SuiteFile(Config):
-    """Keys of a suite's file."""
+    """Contents of a suite's file, such as its scenarios, metrics, margin and built-in trackers."""
 
     id: Name
     version: int = Field(ge=1)

@@ -197,7 +197,7 @@ class Verifier:
 
 
 def _outcome(what: str, problems: list[str], right: str) -> Iterator[Check]:
-    """Yield a passed check with the text ``right``, or a failed check for each problem."""
+    """Yield a passed check, or failed checks: the first ``PRINTED`` problems, and one that counts further problems."""
     if not problems:
         yield Check("checked", what, right)
     for problem in problems[:PRINTED]:

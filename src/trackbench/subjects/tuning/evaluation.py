@@ -69,7 +69,7 @@ class _Block(NamedTuple):
     counted: Availability | None
     """Innovations that count; None with hidden identities, and for the start, whose own innovations decide it."""
     metric: Metric | None
-    """Metric of the objective, unless it is one of the usual measures."""
+    """Metric that is the objective; None if the objective is a built-in measure."""
     measure: str
     """Track measure that is summed in addition to the usual ones."""
     log_time: LogTime | None

@@ -108,7 +108,7 @@ def require_tuning_files(out: Path, scenarios: Sequence[Scenario]) -> None:
 
 
 def tuned_scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]:
-    """Return the path of each scenario with the tuned values."""
+    """Return the path of each tuned scenario: ``out`` itself for one scenario, else a file in the folder ``out``."""
     return [out] if len(scenarios) == 1 else [out / f"{item.config.name}{ENDING}" for item in scenarios]
 
 

@@ -159,7 +159,7 @@ class HeldOut:
 
     comparisons: tuple[MeasureComparison, ...]
     scenes: dict[str, int]
-    """Number of scenes by scenario; ``runs`` has the number of runs of each."""
+    """Number of scenes, or of a log's stretches, by scenario; ``runs`` is the number of runs of each scene."""
     runs: dict[str, int]
     failed: str = ""
     """Reason why there is no comparison."""

@@ -187,7 +187,7 @@ class Detectability:
         return self.overrides.get(scan.sensor, stated)
 
     def half_range_m(self, scan: Scan) -> float | None:
-        """Return the range, m, at which P_D has fallen to half: assumed, else as the sensor states it."""
+        """Return the range, m, at which P_D is half: assumed, else as the sensor states it; None for a constant P_D."""
         signal = self.assumed.signal(scan.sensor) if self.assumed.effects else None
         return scan.half_range_m if signal is None else signal.half_range_m
 

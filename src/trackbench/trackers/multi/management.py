@@ -41,12 +41,12 @@ EXISTS, VISIBLE, DETECTIONS, SCANS, SCORE, LARGEST_SCORE = range(6)
 
 @dataclass(frozen=True)
 class TrackLogic:
-    """Rule that confirms and deletes tracks by their evidence ``(6, L)``, the rows that ``first_evidence`` begins.
+    """Rule that confirms and deletes tracks by their evidence ``(6, L)``, with rows ``EXISTS`` to ``LARGEST_SCORE``.
 
     M of N: M detections in the first N scans confirm; a tentative track that can no longer have them is deleted. Score:
     the log-likelihood ratio of object and false alarms confirms, and deletes when it falls; Blackman and Popoli (1999),
     "Design and Analysis of Modern Tracking Systems", section 6.2. Existence probability: Musicki, Evans and Stankovic
-    (1994), "Integrated probabilistic data association", Markov chain two.
+    (1994), "Integrated probabilistic data association", Markov chain two: an object may be hidden.
     """
 
     rule: tuple[int, int] | Literal["score", "existence"]
@@ -76,7 +76,7 @@ class TrackLogic:
         )
 
     def first_evidence(self, count: int, existence: Array | None) -> Array:
-        """Return the first evidence of ``count`` tracks that each begin with a detection."""
+        """Return evidence ``(6, count)`` of tracks begun by a detection: rows ``EXISTS`` to ``LARGEST_SCORE``."""
         evidence = np.zeros((6, count))
         evidence[:SCORE] = 1.0
         if existence is not None:

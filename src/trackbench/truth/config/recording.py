@@ -114,7 +114,7 @@ class RecordingOptions(ReferenceTruth):
         return self._with(_hidden=True)
 
     def every_second(self, first: int) -> Self:
-        """Return the recording with every second log or stretch, starting with the one of index ``first``."""
+        """Return the recording with every second log, or stretch over all logs if these are cut, from ``first``."""
         return self._with(_every=slice(first, None, 2))
 
     @property

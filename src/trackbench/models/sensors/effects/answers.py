@@ -56,7 +56,7 @@ def after(effect: Effect, measurement: Array, sensor: SensorModel) -> Array:
 
 
 def alarms(effect: Effect, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array] | None:
-    """Return the false alarms that an effect's ``alarms`` adds, after a check of their arrays.
+    """Return the false alarms that an effect's ``alarms`` adds, after a check of their arrays; None for no alarms.
 
     Raises:
         TrackbenchError: the value is not a tuple of run indices, instant indices and as many finite measurements.

@@ -126,7 +126,7 @@ class Effect(Config, ABC):
     """
 
     one_of: ClassVar[tuple[str, ...]] = ()
-    """Options, at least one of them required: without all of them the effect does nothing."""
+    """Options, at least one required in a scenario: if none of them is set, the effect does nothing."""
 
     type: str = Field("", description="Name of the effect.")
 

@@ -23,7 +23,7 @@ SAME_FACTOR = 0.1
 
 
 def merge_wrong_gains(result: PartResult, tracker: TrackerUnderTest) -> PartResult:
-    """Merge the findings of a wrong Jacobian, where every sensor has one, into one finding of inconsistent gains."""
+    """Replace ``jacobian_wrong`` of all sensors, if several, by one ``gain_inconsistent``; otherwise change nothing."""
     wrong = [finding for finding in result.findings if finding.fault == "jacobian_wrong"]
     if len(wrong) < 2 or len(wrong) < len(tracker.sensors):
         return result

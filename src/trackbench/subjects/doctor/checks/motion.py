@@ -157,7 +157,7 @@ def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterato
 
 
 def _reshaped(tracker: TrackerUnderTest, before: Array, after: Array) -> str:
-    """Describe how a covariance is reshaped; the text is empty where no sigma points can be the cause."""
+    """Describe how a prediction over no time changes a covariance; empty where sigma points cannot be the cause."""
     lower = np.linalg.cholesky(linalg.symmetrise(before))
     if np.linalg.norm(after - lower.T @ lower) < SPREAD * np.linalg.norm(after):
         return ", and becomes L^T L of its lower Cholesky factor L: the points lie along its rows"

@@ -92,7 +92,7 @@ def motion_prediction(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _explain(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Finding | None:
-    """Report the wrong time step that fits the displacements of all predictions."""
+    """Report the first cause that fits the displacements, such as a wrong unit of time; None if no cause fits."""
     step, moved, previous = (np.array([item[i] for item in steps]) for i in range(3))
     ratios, shown_by = moved / step, tracker.probes.general[0].name
     ratio = float(np.median(ratios))

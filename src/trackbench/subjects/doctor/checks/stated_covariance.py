@@ -97,7 +97,7 @@ class OwnCovariance(NamedTuple):
 
     trial: Trial
     own: Array
-    """Covariance ``(4, 2)`` of the state with the position, as the mean of those by the two sensors."""
+    """Covariance ``(4, 2)`` of state and position: the mean of the two that the gains of the sensors imply."""
     gap: float
     """Difference between the covariances by the two sensors, relative to ``own``."""
     distance: float

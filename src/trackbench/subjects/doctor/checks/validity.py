@@ -84,7 +84,7 @@ RARE = 1e-3
     },
 )
 def validity(tracker: TrackerUnderTest) -> PartResult:
-    """Check all estimates of the examination, and more estimates of a target at rest."""
+    """Check that all estimates, also of a target at rest, are finite, with symmetric positive definite covariances."""
     for sensor_set in tracker.sensor_sets():
         tracker.session_at(tracker.probes.at_rest, sensor_set)
     for name in tracker.sensors:

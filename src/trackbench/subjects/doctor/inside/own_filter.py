@@ -55,7 +55,7 @@ class HeldAfter(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OwnFilter:
-    """A tracker after some scans, with its own mean and covariance and the paths to them."""
+    """Tracker after some scans, with the mean and covariance inside it and the attribute paths to both."""
 
     session: TrackerSession
     mean_at: KeyPath
@@ -101,7 +101,7 @@ class OwnFilter:
     def derivative(
         self, scan: Scan, function: Callable[[HeldAfter], Array | None], covariance: Array | None = None
     ) -> Array | None:
-        """Return the derivative ``(k, n)`` of ``function``'s value after a scan by the mean held before the scan."""
+        """Return the derivative ``(k, n)`` of ``function`` after a scan by the mean held before it; None on failure."""
         columns = []
         for i, sigma in enumerate(self.sigma):
             step = STEP * sigma * np.eye(len(self.mean))[i]
@@ -113,7 +113,7 @@ class OwnFilter:
         return np.stack(columns, axis=1)
 
     def outputs(self, scan: Scan) -> Array | None:
-        """Return the derivative ``(4, n)`` of the estimate after a scan by the mean that is held after the scan."""
+        """Return the derivative ``(4, n)`` of the estimate after a scan by the mean held after it; None on failure."""
         stacked = self.derivative(scan, _returned_and_held)
         return None if stacked is None else np.asarray(stacked[:4] @ np.linalg.pinv(stacked[4:], rcond=ROUNDING))
 

@@ -61,7 +61,7 @@ class WeighedTrack(FollowedTrack):
 
     @cached_property
     def beside(self) -> Array:
-        """Offset ``(m,)`` of a detection from the predicted one: within every gate, along the first component."""
+        """Offset ``(m,)`` in every gate, along the first column of the innovation covariance's Cholesky factor."""
         return np.asarray(np.sqrt(self.distance) * linalg.cholesky(self.geometry[1]).lower()[:, 0])
 
     @property
