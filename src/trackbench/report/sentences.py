@@ -129,7 +129,7 @@ def below_the_bound(result: Result) -> list[str]:
 
 
 def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
-    """Return how many expectations are met: "All 3 expectations of the scenario are met"."""
+    """Return in words whether all expectations are met, or how many failed and are undecided."""
     failed, undecided = (sum(item.outcome == word for item in expectations) for word in ("failed", "undecided"))
     kind = "not met" if failed or undecided else ("none", "one met", "met")[min(len(expectations), 2)]
     stated = counted(len(expectations), "expectation")

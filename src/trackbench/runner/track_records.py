@@ -186,7 +186,7 @@ def _gate_records(work: Work, name: str, recorded: RecordedTracks, scans: Sequen
 
 
 def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
-    """Return all events of the recorded run, and the ``MOST_EVENTS`` costliest events of the other runs."""
+    """Return a tracker's events: all of the recorded run, and the ``MOST_EVENTS`` costliest of the other runs."""
     recorded = work.number(work.recorded_scene, work.recorded_run)
     rows = dearest([event for block in blocks for event in block.events], recorded)
     ids = [work.scenes[scene // max(work.stretches, 1)].truth.ids for scene in work.scene_of_run]

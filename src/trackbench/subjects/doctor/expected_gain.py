@@ -78,7 +78,7 @@ class ImpliedModel(NamedTuple):
     own_noise: Array
     """Noise variances ``(m,)`` over the stated ones with which the implied Jacobian gives the tracker's gain."""
     noise_correlation: float = 0.0
-    """Largest correlation of the noise with which the implied Jacobian gives the gain; the stated noise has none."""
+    """Largest absolute correlation between two components of the implied noise; 0 for the stated noise."""
 
     @property
     def direction(self) -> Array:

@@ -146,7 +146,7 @@ class Runs:
 
 
 def _by_repetition(interval: Interval, run: Indices) -> Interval:
-    """Average what the runs of one number in all scenes add, since only such groups are independent."""
+    """Average the influences of the runs with the same number in all scenes: only these groups are independent."""
     if len(interval.influence) != len(run) or run[-1] + 1 == len(run):
         return interval
     number = np.bincount(run)

@@ -27,7 +27,7 @@ class ShownRun(ResultModel):
 
 
 class CounterExample(ResultModel):
-    """Nearest cell towards a face of the map that fails with confidence."""
+    """Cell that fails with confidence and is nearest to the base, among the cells towards one face of the map."""
 
     folder: str
     """Name of the folder, in ``counter_examples``, with the scenario, report and recording."""

@@ -80,10 +80,10 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
 
 
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
-    """Return the cells along an axis, in order, on the line nearest to the scenario's own values of the other axes.
+    """Return for each combination of choices one line of cells along an axis, sorted along it.
 
-    There is one line for each combination of choices. Lines with the most starting levels of the axis go first, since
-    the few cells added near a border make no useful line.
+    It is the line with the most starting levels of the axis, since the few cells added near a border make no useful
+    line. Of several such lines it is the nearest to the scenario's own values of the other axes.
     """
     axes = claim.axes
     lines: dict[Point, list[ClaimCell]] = {}

@@ -128,7 +128,7 @@ def detection_shares(log: SensorLog, cycles: Cycles, errors: dict[str, float]) -
     """Return the share of chances in which an object was detected, and the longest silence.
 
     A chance is a true object at a cycle between the sensor's first and last detection. It lies in the stated field of
-    view, and no further out than the outermost detections.
+    view, and no further out than the outermost detections. ``errors`` are the estimated errors of the sensor by name.
     """
     cycle, first = np.unique(cycles.cycle, return_index=True)
     starts, objects = cycles.instants[first], len(log.drive.motions)

@@ -71,7 +71,7 @@ def _process(steps: Array, white: Array, order: int) -> Array:
 
 @lru_cache(maxsize=8)
 def _weights(steps: bytes, shape: tuple[int, ...], order: int) -> tuple[Array, Array]:
-    """Return the weights of draws in sums over a group of instants, and of these sums in the process.
+    """Return the weight of each draw in the sum over its spell of ``SPELL`` instants, and of each sum in the process.
 
     Without innovations a process of first order follows ``x <- e^-h x``, a process of second order ``x <- e^-h (x + h
     z)`` and ``z <- e^-h z``. A length t after the instant before the spell, ``e^t (x - t z)`` and ``e^t z`` are sums of
