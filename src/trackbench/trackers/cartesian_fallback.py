@@ -117,7 +117,7 @@ class FallbackFilter:
     def begun(
         self, fallback: CartesianFallback | None, fresh: Mask, state_of: Callable[[MotionModel], Gaussian]
     ) -> CartesianFallback | None:
-        """Return the fallback (None: no tracks), if ``at_start`` with those ``fresh`` tracks whose course is unknown."""
+        """Return the fallback (None: empty); ``at_start`` adds those ``fresh`` tracks whose course is unknown."""
         if not self.at_start:
             return fallback
         cartesian = state_of(self._cartesian.motions[0])

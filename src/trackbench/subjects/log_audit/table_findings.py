@@ -63,7 +63,7 @@ def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None])
 
 
 def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """Yield one finding for each unit of speed that explains a wrong velocity, and one for velocities that none does."""
+    """Yield a finding for each unit of speed that explains wrong velocities, and one for those that none explains."""
     by_unit: dict[str | None, list[VelocityCheck]] = {}
     for check in checks:
         if check.contradicts:

@@ -248,7 +248,7 @@ def _median_error(steps: Sequence[BankStep], used: slice) -> float:
 
 
 def _error(step: BankStep, factors: Array) -> float:
-    """Return the largest error of the log ratio of two models' probabilities, if ``factors`` are the right log factors."""
+    """Return the largest error of the log ratio of two models' probabilities; ``factors`` are the right log factors."""
     return float(np.ptp(step.log_factors - factors))
 
 
