@@ -17,7 +17,7 @@ from trackbench.document import Block, Cell, Code, Column, Document, Paragraph, 
 from trackbench.document.markdown import to_markdown
 from trackbench.report.tables import TRACKER, metric_cells
 from trackbench.subjects.suite.merge import MergedEntries, merged_entries
-from trackbench.subjects.suite.page import bibtex, entries_in, group_letters, overview_table
+from trackbench.subjects.suite.page import bibtex, entries_in, overview_table, scenario_letters
 from trackbench.subjects.suite.suite import KINDS, Kind, find_suite
 
 ROOT = Path(__file__).parents[2]
@@ -57,7 +57,7 @@ def main() -> None:
 
 def readme(merged: MergedEntries, times: dict[str, int]) -> Document:
     """Return the summary of the page that is committed."""
-    letters = {name: group_letters(merged, name, result) for name, result in merged.results.items()}
+    letters = {name: scenario_letters(merged, name, result) for name, result in merged.results.items()}
     overview = overview_table(merged, letters)
     # Without the scores, which stand in the tables below.
     rows = [(*row[:2], *row[3:]) for row in overview.rows]

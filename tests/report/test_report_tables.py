@@ -65,7 +65,7 @@ def pairs_of(names: Sequence[str], differ: Collection[tuple[str, str]], result: 
 def test_letters_say_exactly_who_differs(result: Result) -> None:
     names = ["a", "b", "c", "d"]
     differ = {("a", "c"), ("a", "d"), ("b", "d")}
-    shown = group_letters(names, pairs_of(names, differ, result))
+    shown = group_letters(names, pairs_of(names, differ, result).differ)
     for a, b in combinations(names, 2):
         assert bool(set(shown[a]) & set(shown[b])) == ((a, b) not in differ)
     assert shown == {"a": "a", "b": "ab", "c": "bc", "d": "c"}

@@ -5,6 +5,7 @@ A recording stores all of it; an HTML page plays one scene.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -185,6 +186,19 @@ class Replay:
     """Text in Markdown."""
     legend: tuple[NamedColour, ...]
     scenes: tuple[ReplayScene, ...]
+
+
+#: Margin of a view around its paths, m.
+MARGIN_M = 6.0
+Extent = tuple[tuple[float, float], tuple[float, float]]
+
+
+def extent_of(paths: Iterable[ReplayPath]) -> Extent:
+    """Return the ranges of x and y, m, of a view that holds all paths with a margin."""
+    positions = np.concatenate([path.position for path in paths], axis=1)
+    low, high = positions.min(axis=1) - MARGIN_M, positions.max(axis=1) + MARGIN_M
+    (left, bottom), (right, top) = low.tolist(), high.tolist()
+    return (left, right), (bottom, top)
 
 
 def _finite(lines: tuple[ChartLine, ...] | list[ChartLine]) -> Array:

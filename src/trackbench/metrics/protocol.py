@@ -54,7 +54,7 @@ class Target(NamedTuple):
 
 @dataclass(frozen=True)
 class Scope:
-    """What a metric knows of a block of runs before the first estimate or track; the arrays must not be changed."""
+    """Data of a block of runs that a metric gets before the first estimate or track; the arrays must not be changed."""
 
     tracker: str
     """Name of the tracker that is scored."""

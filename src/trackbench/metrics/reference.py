@@ -32,7 +32,7 @@ LEAST_VELOCITY = 1.0
 
 @dataclass(frozen=True)
 class BoundStart:
-    """What a tracker knows of a target before the first measurement, as standard deviations."""
+    """Knowledge of a target before the first measurement, as standard deviations."""
 
     velocity_sigma: float
     """Standard deviation of the velocity, m/s per axis."""

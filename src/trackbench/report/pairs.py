@@ -103,9 +103,9 @@ class Pairs:
         return larger_errors
 
 
-def group_letters(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
-    """Return the letters of each tracker; two trackers share a letter exactly if neither is called better."""
-    groups = groups_of(names, pairs.differ)
+def group_letters(names: Sequence[str], differ: Callable[[str, str], bool]) -> dict[str, str]:
+    """Return the letters of each tracker; two trackers share a letter exactly if they do not differ."""
+    groups = groups_of(names, differ)
     gap = " " if len(groups) > len(ascii_lowercase) else ""
     return {name: gap.join(group_letter(i) for i, group in enumerate(groups) if name in group) for name in names}
 
@@ -132,7 +132,7 @@ def standing(result: Result) -> Standing:
     if score.against is None:
         heading = short = "group"
         meaning = f"trackers that share a letter are not shown to differ by more than {margin}"
-        cells = group_letters(names, pairs)
+        cells = group_letters(names, pairs.differ)
         if pairs.unjudged:
             meaning, cells = pairs.unjudged, {}
     else:

@@ -18,6 +18,7 @@ from trackbench.document.replay import (
     ReplayPath,
     ReplayScene,
     ReplayStart,
+    extent_of,
 )
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
@@ -29,8 +30,6 @@ from trackbench.results import Result
 from trackbench.results.columns import Columns, split, table_columns
 from trackbench.results.folder import FALSE_ALARM
 
-#: Margin around all paths, m.
-_MARGIN_M = 6.0
 #: Shortest side of a drawn vehicle or fixed observer, m.
 _SHORTEST_M = 1.0
 
@@ -50,8 +49,6 @@ def replay_of_run(
     vehicles = {path.name: path for path in _vehicles(result)}
     if not vehicles:
         return None
-    places = np.concatenate([path.position for path in vehicles.values()], axis=1)
-    (left, bottom), (right, top) = places.min(axis=1) - _MARGIN_M, places.max(axis=1) + _MARGIN_M
     errors = _gospa_over_time(result, styles) if hidden else _largest_errors(result, styles)
     quantity = "GOSPA of this run" if hidden else "Largest position error of any vehicle"
     lines = tuple(ChartLine((style.key,), style.name, style.colour, *errors[style.name]) for style in styles)
@@ -74,8 +71,7 @@ def replay_of_run(
         "run",
         (*vehicles.values(), *_tracks(result, styles)),
         tuple(_measurements(result)),
-        (float(left), float(right)),
-        (float(bottom), float(top)),
+        *extent_of(vehicles.values()),
         beside=(Chart(("error",), quantity, "m", lines),),
         lanes=tuple(_lanes(result)),
         trackers=tuple(styles),

@@ -86,7 +86,7 @@ class PartVerdict(ResultModel):
     """Verdict on the tails of the NEES, or on the NEES along or across the motion."""
 
     name: str
-    """What the verdict is on, such as ``beyond the 95 % point`` or ``along the motion``."""
+    """Part that the verdict is about, such as ``beyond the 95 % point`` or ``along the motion``."""
     value: float
     """Share of NEES beyond the point of chi-square, or mean NEES along or across the motion."""
     expected: float

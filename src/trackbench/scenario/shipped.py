@@ -34,13 +34,14 @@ def find_scenario(named: Path | str) -> Path:
         InputError: there is no such path or name; the message proposes the nearest name.
     """
     path = Path(named)
-    name, files = path.as_posix(), shipped()
-    # Such as the folder of a run, which bears the name of its scenario.
-    is_folder_without_scenario = name in files and os.path.isdir(path) and not any(path.glob(PATTERN))
-    if os.path.exists(path) and not is_folder_without_scenario:
+    is_folder = os.path.isdir(path)
+    if os.path.exists(path) and (not is_folder or any(path.glob(PATTERN))):
         return path
+    name, files = path.as_posix(), shipped()
     if name in files:
         return files[name]
+    if is_folder:
+        return path
     if any(path_name.startswith(f"{name}/") for path_name in files):
         return FOLDER / path
     entries = path.parent.iterdir() if os.path.isdir(path.parent) else ()

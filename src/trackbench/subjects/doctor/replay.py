@@ -19,6 +19,7 @@ from trackbench.document.replay import (
     ReplayPath,
     ReplayScene,
     ReplayStart,
+    extent_of,
 )
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
@@ -29,7 +30,6 @@ COLOURS = {"reference": TRACKER_COLOURS[5], "tracker": TRACKER_COLOURS[4]}
 #: Widths of paths and of lines in charts, pixels: the tracker is drawn on top of the reference.
 PATH_WIDTHS = {"reference": 1.5, "tracker": 0.5}
 LINE_WIDTHS = {"reference": 3.0, "tracker": 1.5}
-MARGIN_M = 6.0
 IN_THE_PICTURES = (
     "## In the pictures\n\n"
     "Grey: the truth. Orange: the tracker. Blue: the reference. Dots: measurements of the last 0.3 s. Ellipses: 95 % of"
@@ -61,17 +61,18 @@ def drive_scene(run: EvidenceRun) -> ReplayScene:
     k = int(np.argmax(error))
     x, y = run.target[:2, k].tolist()
     worst = ReplayEvent("tracker", "worst", float(run.time[k]), x, y, f"largest error {error[k]:.2f} m")
+    target = ReplayPath("truth", TRUTH_COLOUR, run.time, run.target[:2], dot=5.0)
+    sensor_path = ReplayPath("sensors", OBSERVER_COLOUR, run.time, poses, is_observer=True)
     return ReplayScene(
         run.drive,
         (
-            ReplayPath("truth", TRUTH_COLOUR, run.time, run.target[:2], dot=5.0),
-            ReplayPath("sensors", OBSERVER_COLOUR, run.time, poses, is_observer=True),
+            target,
+            sensor_path,
             _estimates("reference", run.time, run.reference_mean, run.reference_covariance),
             _estimates("tracker", run.time, run.mean, run.covariance),
         ),
         tuple(_measurements(run, sensor, colour) for sensor, colour in sensors.items()),
-        _range(run.target[0], poses[0]),
-        _range(run.target[1], poses[1]),
+        *extent_of((target, sensor_path)),
         tuple(_error_charts(run)),
         tuple(_innovation_charts(run)),
         trackers=tuple(TrackerStyle("", name, COLOURS[name]) for name in ("tracker", "reference")),
@@ -93,11 +94,6 @@ def _measurements(run: EvidenceRun, sensor: str, colour: str) -> ReplayMeasureme
     means = np.array([position.mean for position in positions]).reshape(-1, 2).T
     covariance = np.array([position.covariance for position in positions]).reshape(-1, 2, 2).transpose(1, 2, 0)
     return ReplayMeasurements(sensor, colour, np.array([scan.time for scan in scans]), means, covariance)
-
-
-def _range(target: Array, sensors: Array) -> tuple[float, float]:
-    coordinates = np.concatenate([target, sensors])
-    return float(coordinates.min()) - MARGIN_M, float(coordinates.max()) + MARGIN_M
 
 
 def _innovation_charts(run: EvidenceRun) -> Iterator[Chart]:

@@ -10,14 +10,13 @@ import numpy as np
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.document import TrackerStyle
 from trackbench.document.palette import OBSERVER_COLOUR, TRUTH_COLOUR, sensor_colours
-from trackbench.document.replay import Chart, ChartLine, ReplayEvent, ReplayPath, ReplayScene, ReplayStart
+from trackbench.document.replay import Chart, ChartLine, ReplayEvent, ReplayPath, ReplayScene, ReplayStart, extent_of
 from trackbench.sensing.view import sensor_motion
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 from trackbench.truth.recorded.drive import Motion
 
 #: Time before and after the largest error that the replay shows, s.
 AROUND_S = 10.0
-_MARGIN_M = 6.0
 
 
 class MeasuredPositions(NamedTuple):
@@ -65,17 +64,11 @@ def replay_of_log(logs: Iterable[SensorLog]) -> ReplayScene | None:
             text = f"largest error {error[row]:.2f} m at {log.log.time[row]:.2f} s"
             x, y = position.mean[:, row].tolist()
             events.append(ReplayEvent(sensor, "worst", float(log.log.time[row]), x, y, text))
-    positions = np.concatenate([path.position for path in paths], axis=1)
-    (left, bottom), (right, top) = (
-        (positions.min(axis=1) - _MARGIN_M).tolist(),
-        (positions.max(axis=1) + _MARGIN_M).tolist(),
-    )
     return ReplayScene(
         "log",
         tuple(paths),
         (),
-        (left, right),
-        (bottom, top),
+        *extent_of(paths),
         beside=(Chart(("error",), "Distance of the measured position from the truth", "m", tuple(lines)),),
         trackers=tuple(
             TrackerStyle(f"sensor-{n}", sensor, colour) for n, (sensor, colour) in enumerate(colours.items())

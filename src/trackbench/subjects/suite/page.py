@@ -14,7 +14,7 @@ from trackbench.document import Block, Cell, Code, Column, Document, Paragraph, 
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
-from trackbench.report.pairs import group_letter, groups_of
+from trackbench.report.pairs import group_letters
 from trackbench.report.tables import TRACKER, metric_cells, metric_in_words, metric_of, name_cells, unit_after_heading
 from trackbench.results import Result
 from trackbench.scenario.worlds import WORLDS
@@ -41,7 +41,7 @@ def suite_document(merged: MergedEntries, folder: Path) -> Document:
     """Return the page of entries, whose links are relative to a folder."""
     suite = merged.suite.stated
     styles = tracker_styles({stored.entry.tracker.name: number for number, stored in enumerate(merged.entries)})
-    letters = {name: group_letters(merged, name, result) for name, result in merged.results.items()}
+    letters = {name: scenario_letters(merged, name, result) for name, result in merged.results.items()}
     blocks: list[Block] = [overview_table(merged, letters), Paragraph(MEANING)]
     for world in (*WORLDS, None):
         names = [name for name in letters if merged.suite.scenarios[name].stated.world == world]
@@ -81,7 +81,7 @@ def _scenario_section(merged: MergedEntries, name: str, letters: dict[str, str],
     return Section(f"{name}: {scenario.plain.config.description}", (Table.of_columns(name, columns),))
 
 
-def group_letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]:
+def scenario_letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]:
     """Return the groups of a scenario by tracker; none where nothing was compared."""
     scored = [tracker.name for tracker in result.scored]
     if len(scored) < 2:
@@ -92,8 +92,7 @@ def group_letters(merged: MergedEntries, name: str, result: Result) -> dict[str,
         for item in group.differences
         if (item.scenario, item.metric) == (name, result.summary.headline) and item.verdict in ("better", "worse")
     }
-    groups = [*enumerate(groups_of(scored, lambda a, b: frozenset((a, b)) in differ))]
-    return {own: "".join(group_letter(number) for number, group in groups if own in group) for own in scored}
+    return group_letters(scored, lambda a, b: frozenset((a, b)) in differ)
 
 
 def _shown(scenario: Path, folder: Path) -> str:
