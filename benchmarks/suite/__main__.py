@@ -57,8 +57,7 @@ def main() -> None:
 
 def readme(merged: MergedEntries, times: dict[str, int]) -> Document:
     """Return the summary of the page that is committed."""
-    letters = {name: scenario_letters(merged, name, result) for name, result in merged.results.items()}
-    overview = overview_table(merged, letters)
+    overview = overview_table(merged)
     # Without the scores, which stand in the tables below.
     rows = [(*row[:2], *row[3:]) for row in overview.rows]
     blocks: list[Block] = [
@@ -66,7 +65,7 @@ def readme(merged: MergedEntries, times: dict[str, int]) -> Document:
         Table("best", (*overview.columns[:2], *overview.columns[3:]), tuple(rows)),
     ]
     blocks += [
-        Section(title, tuple(_scores(merged, kind, letters)))
+        Section(title, tuple(_scores(merged, kind)))
         for title, kind in (("Position RMSE, m", "single"), ("T-GOSPA, m", "traffic"))
     ]
     blocks.append(Section("Who the trackers are", (Paragraph(BUILT_IN), *_trackers(merged, times))))
@@ -78,7 +77,7 @@ def readme(merged: MergedEntries, times: dict[str, int]) -> Document:
     return Document("suite", f"First entries of {SUITE}", tuple(blocks), lead=lead)
 
 
-def _scores(merged: MergedEntries, kind: Kind, letters: dict[str, dict[str, str]]) -> Iterator[Table]:
+def _scores(merged: MergedEntries, kind: Kind) -> Iterator[Table]:
     """Yield tables of a few scenarios each, with the error and the groups of every tracker."""
     results = {name: result for name, result in merged.results.items() if merged.suite.scenarios[name].kind == kind}
     trackers = list(dict.fromkeys(name for result in results.values() for name in result.summary.ranking))
@@ -87,8 +86,9 @@ def _scores(merged: MergedEntries, kind: Kind, letters: dict[str, dict[str, str]
         columns = [(TRACKER, [Cell(name, tracker=name) for name in trackers])]
         for name, result in [*results.items()][first : first + width]:
             cells = metric_cells(own := [result[each] for each in result.summary.ranking], result.summary.headline)
+            letters = scenario_letters(merged, name)
             texts = {
-                each.name: f"{cell.text} ({'; '.join(cell.details)}) {letters[name].get(each.name, 'not ranked')}"
+                each.name: f"{cell.text} ({'; '.join(cell.details)}) {letters.get(each.name, 'not ranked')}"
                 for each, cell in zip(own, cells, strict=True)
             }
             columns.append((Column(name, left=True), [Cell(texts.get(each, "-")) for each in trackers]))

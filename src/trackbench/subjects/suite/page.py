@@ -16,7 +16,6 @@ from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
 from trackbench.report.pairs import group_letters
 from trackbench.report.tables import TRACKER, metric_cells, metric_in_words, metric_of, name_cells, unit_after_heading
-from trackbench.results import Result
 from trackbench.scenario.worlds import WORLDS
 from trackbench.subjects.suite.entry import ENTRY
 from trackbench.subjects.suite.merge import MergedEntries
@@ -25,8 +24,10 @@ from trackbench.subjects.suite.suite import Suite
 #: Files of an entry's scenario of which a page opens the first that is there.
 OPENED = ("recording.rrd", "report.html")
 MEANING = (
-    "Below, trackers that share a letter are not shown to differ by more than the margin. A name opens the entry, and "
-    "the first number its recording or its report. Small print: 95 % intervals, and how large a covariance is."
+    "Below, trackers that share a letter are not shown to differ by more than the margin. A scenario is judged at 5 % "
+    "over all pairs of the trackers entered here (Holm), so that more entries may join groups. A name opens the entry, "
+    "and the first number its recording or its report. Small print: 95 % intervals, and how large a covariance is. "
+    "Whether an entry holds is checked by its command `trackbench suite verify`, not by this page."
 )
 
 
@@ -41,11 +42,10 @@ def suite_document(merged: MergedEntries, folder: Path) -> Document:
     """Return the page of entries, whose links are relative to a folder."""
     suite = merged.suite.stated
     styles = tracker_styles({stored.entry.tracker.name: number for number, stored in enumerate(merged.entries)})
-    letters = {name: scenario_letters(merged, name, result) for name, result in merged.results.items()}
-    blocks: list[Block] = [overview_table(merged, letters), Paragraph(MEANING)]
+    blocks: list[Block] = [overview_table(merged), Paragraph(MEANING)]
     for world in (*WORLDS, None):
-        names = [name for name in letters if merged.suite.scenarios[name].stated.world == world]
-        sections = tuple(_scenario_section(merged, name, letters[name], folder) for name in names)
+        names = [name for name in merged.results if merged.suite.scenarios[name].stated.world == world]
+        sections = tuple(_scenario_section(merged, name, folder) for name in names)
         blocks += [Section(f"World: {world or 'as stated'}", sections)] if sections else []
     cited = Section("Cite the suite", (Code(bibtex(merged.suite), "bibtex"),))
     blocks += [Section("Entries", (_entries(merged, folder),)), cited]
@@ -53,24 +53,29 @@ def suite_document(merged: MergedEntries, folder: Path) -> Document:
     return Document("suite", suite.title, tuple(blocks), lead=lead, trackers=tuple(styles.values()))
 
 
-def overview_table(merged: MergedEntries, letters: dict[str, dict[str, str]]) -> Table:
-    """Return the best tracker of each scenario, and which others are shown to be worse."""
+def overview_table(merged: MergedEntries) -> Table:
+    """Return the best tracker of each scenario with several, and which others are shown to be worse."""
     rows = []
-    for name, (first, *others) in ((name, [*groups]) for name, groups in letters.items() if groups):
-        worse = [other for other in others if not {*letters[name][other]} & {*letters[name][first]}]
+    for name, result in merged.results.items():
+        if len(result.scored) < 2:
+            continue
+        first, *others = (tracker.name for tracker in result.scored)
+        differing = differing_pairs(merged, name)
+        worse = [other for other in others if {first, other} in differing]
         alike = [other for other in others if other not in worse]
-        score = str(merged.results[name][first].metrics[merged.results[name].summary.headline])
+        score = str(result[first].metrics[result.summary.headline])
         rows.append(tuple(map(Cell, (name, first, score, ", ".join(alike), ", ".join(worse)))))
     headings = ("scenario", "best", "position RMSE or T-GOSPA", "not shown to differ", "shown to be worse")
     return Table("overview", tuple(Column(each, left=True) for each in headings), tuple(rows))
 
 
-def _scenario_section(merged: MergedEntries, name: str, letters: dict[str, str], folder: Path) -> Section:
+def _scenario_section(merged: MergedEntries, name: str, folder: Path) -> Section:
     """Return a scenario's section: a table of trackers by rank, with metrics and groups not shown to differ."""
     scenario, result = merged.suite.scenarios[name], merged.results[name]
     places = {stored.entry.tracker.name: stored.folder for stored in merged.entries}
     trackers = [result[tracker] for tracker in result.summary.ranking]
     names = [replace(cell, link=os.path.relpath(places[cell.tracker] / ENTRY, folder)) for cell in name_cells(trackers)]
+    letters = scenario_letters(merged, name)
     groups = [Cell(letters.get(each.name, ""), reason=result.why_unscored(each)) for each in trackers]
     columns = [(Column("group"), groups), (TRACKER, names)]
     for path in merged.suite.stated.metrics[scenario.kind]:
@@ -81,18 +86,21 @@ def _scenario_section(merged: MergedEntries, name: str, letters: dict[str, str],
     return Section(f"{name}: {scenario.plain.config.description}", (Table.of_columns(name, columns),))
 
 
-def scenario_letters(merged: MergedEntries, name: str, result: Result) -> dict[str, str]:
+def scenario_letters(merged: MergedEntries, name: str) -> dict[str, str]:
     """Return the groups of a scenario by tracker; none where nothing was compared."""
-    scored = [tracker.name for tracker in result.scored]
-    if len(scored) < 2:
-        return {}
-    differ = {
+    scored, differing = [tracker.name for tracker in merged.results[name].scored], differing_pairs(merged, name)
+    return group_letters(scored, lambda a, b: {a, b} in differing) if len(scored) > 1 else {}
+
+
+def differing_pairs(merged: MergedEntries, name: str) -> set[frozenset[str]]:
+    """Return the pairs of trackers that are shown to differ in a scenario, by the metric that ranks."""
+    headline = merged.results[name].summary.headline
+    return {
         frozenset((item.entrant.tracker, item.against.tracker))
         for group in merged.comparison.groups
         for item in group.differences
-        if (item.scenario, item.metric) == (name, result.summary.headline) and item.verdict in ("better", "worse")
+        if (item.scenario, item.metric) == (name, headline) and item.verdict in ("better", "worse")
     }
-    return group_letters(scored, lambda a, b: frozenset((a, b)) in differ)
 
 
 def _shown(scenario: Path, folder: Path) -> str:
