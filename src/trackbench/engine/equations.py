@@ -20,7 +20,7 @@ class EngineUsed(NamedTuple):
     why_numpy: str = ""
     """Reasons why the fused engine left steps to NumPy; empty if NumPy was not needed."""
     again: int = 0
-    """Number of members that NumPy recomputed, in all batches, because their guard did not hold."""
+    """Number of members of all batches that NumPy recomputed, because a condition of the compiled code did not hold."""
     of_pure: bool = False
     """Whether a class in ``why_numpy`` is a user's that declares ``pure = True``, and yet was left to NumPy."""
     differs: bool = False

@@ -236,7 +236,7 @@ def fused_filter(filter: Filter[Any]) -> FusedFilter:
 
 
 class FilterCall(NamedTuple):
-    """Arguments, besides named arrays, of a filter's function that is traced."""
+    """Arguments with which a filter's function is traced, apart from the arrays, which are passed by name."""
 
     filter: Any
     modes: int

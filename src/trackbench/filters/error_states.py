@@ -115,8 +115,9 @@ class MotionWithErrors(WrappedMotion):
     def started(self, scan: Scan, state_of: Callable[[MotionModel, Scan], Gaussian]) -> Gaussian:
         """Return the state ``(n + e, ...)``, with sensor errors, that each single measurement of a scan implies.
 
-        The inner state contains the measurement's error. With its derivative D with respect to the measurement, the
-        covariance of state and errors is ``-D E``. D is a difference quotient over a standard deviation to either side.
+        The inner state is computed from the measurement, so it contains the measurement's error. With D the inner
+        state's derivative with respect to the measurement and E the covariance of the sensor errors, the
+        cross-covariance is ``-D E``. D is a difference quotient over a standard deviation to either side.
 
         Args:
             scan: scan with the noise that the sensor states.

@@ -156,8 +156,8 @@ def factor_of(belief: Belief) -> Array:
 class SymmetricSet:
     """Rule for sigma points: the mean, and a pair of points along each column of the covariance's Cholesky factor.
 
-    Source: Julier (2002), "The scaled unscented transformation"; with alpha 1, beta 0 and no kappa the original points,
-    Julier and Uhlmann (1997), equations 11 and 12.
+    Source: Julier (2002), "The scaled unscented transformation". With alpha 1, beta 0 and ``kappa`` None the points are
+    the original ones of Julier and Uhlmann (1997), equations 11 and 12.
     """
 
     alpha: float

@@ -52,7 +52,10 @@ class Parts(NamedTuple):
 
     @property
     def uncalibrated(self) -> str:
-        """Reason why runs or scenes are too few for one tracker's interval, if not for a difference; else empty."""
+        """Why runs or scenes are too few for the interval of one tracker's value; empty where they are enough.
+
+        The interval of a difference needs fewer.
+        """
         if self.too_few or self.scenes or self.number >= self.fewest:
             return self.too_few
         if self.fewest == np.inf:

@@ -259,11 +259,11 @@ class Metric(Config):
     ranks: ClassVar[bool] = False
     """Whether trackers are ranked by the metric by default."""
     compared: ClassVar[bool] = True
-    """Whether trackers are compared by the metric, run by run, where one direction is better."""
+    """Whether trackers are compared run by run in this metric; without effect where neither direction is better."""
     per_sensor: ClassVar[bool] = False
     """Whether the metric has one value for each sensor."""
     fields: ClassVar[tuple[Field, ...]] = ()
-    """Parts of the value that an expectation may name, such as its verdict."""
+    """Parts of the value, such as its verdict, that the scenario's ``expect:`` block may name."""
     value_name: ClassVar[str] = ""
     """Name of the value in an expectation; empty where the metric's path is enough."""
     shared: ClassVar[Accumulator | None] = None

@@ -283,7 +283,7 @@ class SmoothedTracker:
             object.__setattr__(self, "tracker", replace(self.tracker, cartesian_fallback="at_start"))
 
     def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
-        """Return the smoothed estimate at each scan's time; late scans are used as if they had arrived at once."""
+        """Return the smoothed estimate at each scan's time; late scans are used as if without delay."""
         instants = self._filtered(sorted((scan.prompt() for scan in scans), key=lambda scan: scan.time))
         smoothed: dict[float, Estimate] = {}
         later: TrackState | None = None

@@ -35,13 +35,13 @@ class Stretches(NamedTuple):
     paired: Mask
     """Whether the owner has a partner in the stretch."""
     start: Indices
-    """First instant of the stretch."""
+    """First instant of each stretch."""
     before: Indices
-    """Last instant of the owner before the stretch, -1 for the first stretch of the owner."""
+    """Last instant of the owner before each stretch, -1 for the first stretch of the owner."""
     cost: Array
-    """Sum of the owner's costs over the instants of the stretch."""
+    """Sum of the owner's costs over the instants of each stretch."""
     last: Mask
-    """Whether the stretch is the last one of its owner."""
+    """Whether each stretch is the last one of its owner."""
 
 
 def _paired_stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
@@ -136,7 +136,8 @@ class TrafficEvent(NamedTuple):
     other_track: int
     """switched: id of the former track; merged: id of the other object's track; else -1."""
     other_object: int
-    """switched, lost: object that the former track is on now; merged: object that the former track is near; else -1."""
+    """Index of a second object. switched, lost: object to which the object's former track is assigned now; merged:
+    object near that track. -1 for other kinds of event."""
     x: float
     """x of the object, or of the track where there is no object, m."""
     y: float

@@ -18,7 +18,7 @@ class GospaParts(NamedTuple):
     missed: Array
     """``c^p / 2`` for each object without a track."""
     false: Array
-    """``c^p / 2`` for each track without an object."""
+    """``(T,)`` cost of false tracks: ``c^p / 2`` times the number of tracks without an object."""
 
     @property
     def total(self) -> Array:

@@ -146,7 +146,7 @@ class Weights(NamedTuple):
     exact: bool
 
     def saved(self) -> float:
-        """Return the cost that the assignments save: the sum of their gains."""
+        """Return how much lower the assignments make the cost than with all objects missed and all tracks false."""
         return float((self.pairs.gain * self.weight).sum())
 
     def changes(self) -> float:

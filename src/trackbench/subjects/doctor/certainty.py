@@ -37,7 +37,7 @@ MEANING = {
 
 
 class Certainty(NamedTuple):
-    """How sure it is that a fault is the named one, and the failed checks that it explains."""
+    """How certain a diagnosis is, and which failed checks the diagnosed fault explains."""
 
     word: Word
     explained: int

@@ -94,7 +94,7 @@ class SamplingErrors(NamedTuple):
     size: Array
     """Standard error ``(m,)`` of the logarithm of each row's ``size``."""
     noise: Array
-    """Standard error ``(m,)`` of the logarithm of the median noise over the trials."""
+    """Standard error ``(m,)`` of the logarithm of each component's noise, which is the median over the trials."""
 
 
 def implied_model(trial: Trial) -> ImpliedModel | None:

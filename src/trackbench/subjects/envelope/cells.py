@@ -41,7 +41,7 @@ from trackbench.truth import LoadedTruth
 
 
 class Spending(NamedTuple):
-    """Error probability of a map, shared by its cells, trackers and looks."""
+    """Error probability of a map, divided among its cells, its trackers and the interim looks at the results."""
 
     error: float
     """Probability that any cell is decided wrongly, for any tracker."""

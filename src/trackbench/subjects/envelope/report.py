@@ -80,7 +80,7 @@ _MOST_PAIRS = 6
 
 
 def headlines(claim: Claim) -> Iterator[str]:
-    """Yield for each tracker how many cells hold and fail, and which share is undecided."""
+    """Yield a sentence per tracker: in how many cells its requirement holds and fails, and the undecided share."""
     for tracker in claim.trackers:
         counts, total = claim.counts(tracker), len(claim.cells)
         share = f"{100 * counts['undecided'] / total:.0f} % undecided"

@@ -28,7 +28,7 @@ class OnPath(NamedTuple):
     across: Array
     """Distance to the left of the path, m."""
     speed: Array
-    """Speed of the object in the direction of the nearest point of the path, m/s."""
+    """Speed of the object along the path, by the path's direction at the point nearest to the object, m/s."""
     lateral_speed: Array
     """Speed to the left, m/s."""
     direction: tuple[Array, Array]

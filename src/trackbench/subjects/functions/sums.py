@@ -117,7 +117,7 @@ ROWS = (
 
 
 class Times(NamedTuple):
-    """Intervals in which a function is active, with times and objects, each ``(N,)``."""
+    """Intervals in which a driver assistance function is active: run, start, end and object, each ``(N,)``."""
 
     run: Indices
     start: Array

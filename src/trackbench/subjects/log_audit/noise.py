@@ -40,7 +40,7 @@ class Band:
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """Noise of one component of a measurement."""
+    """Noise of one component of a measurement, estimated from its residuals, beside the stated noise."""
 
     name: str
     unit: str

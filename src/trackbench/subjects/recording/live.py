@@ -87,11 +87,11 @@ class Live(Listener):
         return self.observe
 
     def observe(self, observed: list[Scan] | RecordedInstant) -> None:
-        """Send a part of the recorded run."""
+        """Send the viewer the scans that have arrived, or an instant of the recorded run."""
         self._send(observed)
 
     def end(self, result: Result, folder: Path | None = None) -> None:
-        """Send the whole recording of a run."""
+        """Send the viewer the whole recording of a run."""
         self._send(result)
 
     def _send(self, part: Part) -> None:

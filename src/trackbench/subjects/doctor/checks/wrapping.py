@@ -52,7 +52,8 @@ class Jump(NamedTuple):
     """An update near the azimuth pi, compared with the update of the same target turned away from pi."""
 
     size: float
-    """Difference from the turned target's update, in standard deviations of the prediction."""
+    """How much the update across pi differs from that of the same target turned away from pi, in standard deviations of
+    the prediction."""
     text: str
     sensor: str
     probe: Probe
@@ -216,7 +217,10 @@ def _covariance_depends_on_mounting(trial: Trial, mounted: Trial) -> bool:
 
 
 def _change(trial: Trial, side: float) -> Array | None:
-    """Return the mean ``(4,)`` after a measurement beside the predicted one, minus the mean after the predicted one."""
+    """Return by how much the updated mean ``(4,)`` changes if the measurement lies beside its prediction, not on it.
+
+    None where the tracker makes no update.
+    """
     estimate, centre = trial.posterior(_beside(trial, side)), trial.posterior(trial.predicted_measurement)
     return None if estimate is None or centre is None else estimate.mean - centre.mean
 
