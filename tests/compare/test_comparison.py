@@ -11,10 +11,10 @@ import pyarrow as pa
 import pytest
 from tests.support.past_results import scene
 
+from trackbench.base.errors import InputError
 from trackbench.compare import Comparison, compare_results
 from trackbench.document.markdown import to_markdown
 from trackbench.report.comparison.document import comparison_document
-from trackbench.report.comparison.figures import rank_groups
 from trackbench.report.comparison.over_scenarios import who_is_ahead
 from trackbench.results import Result
 
@@ -109,103 +109,70 @@ def markdown(comparison: Comparison) -> str:
 
 
 def test_ranking(compared: Comparison) -> None:
-    assert [item.tracker for item in compared.ranking] == ["good", "fair", "poor", "mine"]
-    good, fair, poor, mine = compared.ranking
-    # A field of four: places 1 and 2 of 3 are ranks 1 and 2.5, the last of 2 is rank 4; a tie shares its two.
-    assert good.mean_rank == pytest.approx((1 + 1.75 + 2 + 1) / 4)
-    assert fair.mean_rank == pytest.approx((2.5 + 1.75 + 1) / 3)
-    assert poor.mean_rank == pytest.approx((4 + 4 + 3 + 4) / 4)
-    assert mine.mean_rank == 4
-    assert [item.scenarios for item in compared.ranking] == [4, 3, 4, 1]
+    assert [(item.tracker, item.without_score) for item in compared.ranking] == [
+        ("good", 0),
+        ("poor", 0),
+        ("fair", 1),
+        ("mine", 4),
+    ]
+    good, poor, fair, mine = compared.ranking
+    typical = [(0.5 * 0.6 * 2.0) ** (1 / 3), (0.5 * 0.51 * 1.5) ** (1 / 3), (0.7 * 0.6) ** (1 / 3), (0.4 * 0.9) ** 0.5]
+    assert good.relative_error == pytest.approx((0.5 * 0.5 * 0.7 * 0.4 / np.prod(typical)) ** 0.25)
+    assert fair.relative_error == pytest.approx((0.6 * 0.51 * 0.6 / np.prod(typical[:3])) ** (1 / 3))
+    assert mine.relative_error is None
+    # Between trackers with a score in all scenarios, the order is that of the pooled difference.
+    change = next(item for item in compared.overall if item.entrant.tracker == "poor")
+    assert poor.relative_error is not None
+    assert change.mean_percent == pytest.approx(100 * (poor.relative_error / good.relative_error - 1))
 
 
-def test_real_wins_and_losses(compared: Comparison) -> None:
-    good, fair, poor, mine = compared.ranking
-    assert (good.won, good.lost, good.tied) == (2 + 1 + 2 + 1, 1, 1)
-    assert (fair.won, fair.lost, fair.tied) == (1 + 1 + 3, 1, 1)
-    assert (poor.won, poor.lost, poor.tied) == (1, 2 + 2 + 2 + 1, 0)
-    assert (mine.won, mine.lost, mine.tied, mine.failed_scenarios) == (0, 3, 0, 1)
-    assert sum(item.won for item in compared.ranking) == sum(item.lost for item in compared.ranking)
-    assert [(item.consistent_scenarios, item.judged_scenarios) for item in (good, mine)] == [(4, 4), (0, 0)]
-
-
-def test_ties_share_their_ranks_in_a_scenario(compared: Comparison) -> None:
-    ranks = {(score.scenario, score.entrant.tracker): score.rank for score in compared.scores}
-    assert [ranks["first", name] for name in ("good", "fair", "poor")] == [1, 2, 3]
-    assert [ranks["second", name] for name in ("good", "fair", "poor")] == [1.5, 1.5, 3]
-    assert [ranks["third", name] for name in ("good", "fair", "poor", "mine")] == [2, 1, 3, None]
-
-
-def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
-    for item in compared.ranking[:3]:
-        assert item.ci95 is not None
-        assert 1 <= item.ci95[0] <= item.mean_rank <= item.ci95[1] <= 4
-    assert compared.ranking[3].ci95 is None
-    assert not any(item.shown for item in compared.rank_differences)
-    assert "with 4 trackers that takes 8 sets of scenes, and here are 4." in markdown(compared)
-
-
-@pytest.mark.parametrize(
-    ("scenarios", "claim"),
-    [
-        (3, "with 2 trackers that takes 6 sets of scenes, and here are 3."),
-        (5, "with 2 trackers that takes 6 sets of scenes, and here are 5."),
-        (6, "mean rank is shown to be the best (sign-flip test of the ranks over the sets of scenes, p = 0.031)."),
-    ],
-)
-def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, claim: str) -> None:
-    found = compare_results([[scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(scenarios)]])
-    (pair,) = found.rank_differences
-    assert (pair.a, pair.b, pair.p_value) == ("good", "poor", 2.0 ** (1 - scenarios))
-    assert found.ranking[0].ci95 is None
-    assert claim in markdown(found)
-
-
-@pytest.mark.parametrize(
-    ("rmse", "letters"),
-    [
-        ({"good": 0.5, "fair": 0.501}, {"good": "a", "fair": "a"}),
-        ({"good": 0.5, "fair": 0.502, "poor": 0.9}, {"good": "a", "fair": "a", "poor": "b"}),
-        ({"good": 0.5, "fair": 0.7, "poor": 0.9}, {"good": "a", "fair": "b", "poor": "c"}),
-    ],
-)
-def test_letters_say_whose_mean_ranks_are_shown_to_differ(rmse: dict[str, float], letters: dict[str, str]) -> None:
-    found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
-    (table,) = (table for table in comparison_document(found).tables if table.name == "ranking")
-    place = [column.heading for column in table.columns].index("group")
-    assert {row[1].text: row[place].text for row in table.rows} == letters
-    few = compare_results([[scenario(f"s{i}", rmse) for i in range(2)]])
-    (table,) = (table for table in comparison_document(few).tables if table.name == "ranking")
-    assert "group" not in [column.heading for column in table.columns]
-
-
-def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
-    rmse = {"good": 0.5, "fair": 0.502, "poor": 0.9}
-    found = compare_results([[scenario(f"s{i}", rmse) for i in range(10)]])
-    assert {(item.a, item.b): item.shown for item in found.rank_differences} == {
-        ("good", "fair"): False,
-        ("good", "poor"): True,
-        ("fair", "poor"): True,
-    }
-    assert [[item.tracker for item in group] for group in rank_groups(found)] == [["good", "fair"], ["poor"]]
+def test_an_error_of_zero_is_the_smallest() -> None:
+    found = compare_results([[scenario(name, {"good": 0.5, "exact": 0.0}) for name in ("one", "two")]])
+    assert [(item.tracker, item.relative_error) for item in found.ranking] == [("exact", 0.0), ("good", 1.0)]
+    assert who_is_ahead(found) == (
+        "It is not known who is ahead over 2 scenarios: in some of them exact or good has no score, or an error of 0."
+    )
 
 
 def test_one_scenario_claims_no_certainty() -> None:
     found = compare_results([scenario("only", {"good": 0.5, "poor": 0.9})])
-    assert found.ranking[0].ci95 is None
-    assert found.rank_differences == []
-    assert "lead" not in markdown(found)
+    assert found.overall == []
+    assert "ahead" not in markdown(found)
     assert re.search(r"poor \| good \| 0\.40.* \| worse \| \+80 \| 0\.900 \|", markdown(found).replace("**", ""))
 
 
-def test_of_equal_mean_ranks_the_smaller_errors_are_ahead() -> None:
+def test_the_pooled_error_says_who_is_ahead() -> None:
     results = [scenario("one", {"good": 0.5, "fair": 0.6}), scenario("two", {"good": 0.5, "fair": 0.48})]
     found = compare_results([results])
-    assert [(item.tracker, item.mean_rank) for item in found.ranking] == [("good", 1.5), ("fair", 1.5)]
+    assert [item.tracker for item in found.ranking] == ["good", "fair"]
     (change,) = found.overall
     assert (change.entrant.tracker, change.against.tracker) == ("fair", "good")
     assert change.mean_percent == pytest.approx(100 * ((0.6 * 0.48 / 0.25) ** 0.5 - 1))
     assert who_is_ahead(found).startswith("good is ahead over 2 scenarios: the position RMSE of fair, the next, is 7.3")
+
+
+def test_without_an_interval_it_is_not_known_how_sure_the_lead_is() -> None:
+    results = [scenario(name, {"good": 0.5, "fair": 0.6}) for name in ("one", "two")]
+    diverged = [
+        result.updated(
+            trackers=[
+                tracker.model_copy(update={"health": tracker.health.model_copy(update={"diverged_runs": 1})})
+                for tracker in result.summary.trackers
+            ]
+        )
+        for result in results
+    ]
+    assert who_is_ahead(compare_results([diverged])) == (
+        "good is ahead over 2 scenarios: the position RMSE of fair, the next, is 20 % larger. "
+        "It is not known how sure this is."
+    )
+
+
+def test_trackers_with_the_same_errors_are_not_ahead_of_each_other() -> None:
+    found = compare_results([[scenario(name, {"a": 0.5, "b": 0.5}) for name in ("one", "two")]])
+    assert who_is_ahead(found) == (
+        "No tracker is shown to be ahead over 2 scenarios: beside a, the position RMSE of b is the same."
+    )
 
 
 def test_a_baseline_that_all_scenarios_state_is_what_the_others_are_held_against() -> None:
@@ -217,24 +184,72 @@ def test_a_baseline_that_all_scenarios_state_is_what_the_others_are_held_against
     assert {score.entrant.tracker for score in found.scores if score.leading} == {"good"}
 
 
+def test_a_named_baseline_takes_the_place_of_the_best_and_changes_no_p_value() -> None:
+    rmse = {"good": 0.5, "fair": 0.6, "poor": 0.9}
+    results = [scenario(name, rmse) for name in ("one", "two")]
+    found, default = compare_results([results], baseline="poor"), compare_results([results])
+    assert found.differences == default.differences
+    assert [(item.entrant.tracker, item.against.tracker) for item in found.overall] == [
+        ("good", "poor"),
+        ("fair", "poor"),
+    ]
+    assert "than that of poor, the baseline" in who_is_ahead(found)
+    # In place of a baseline that the scenarios state, which the others alone were compared with.
+    stated = [scenario(name, rmse, baseline="fair") for name in ("one", "two")]
+    instead = compare_results([stated], baseline="poor")
+    assert {item.against.tracker for item in instead.differences} == {"poor"}
+    of_stated = compare_results([stated]).differences
+    assert all(a.p_value >= b.p_value for a, b in zip(instead.differences, of_stated, strict=True))
+
+
+def test_one_scenario_is_shown_against_its_baseline() -> None:
+    rmse = {"good": 0.5, "fair": 0.6, "poor": 0.9}
+    named = compare_results([scenario("only", rmse)], baseline="fair")
+    stated = compare_results([scenario("only", rmse, baseline="fair")])
+    for found in (named, stated):
+        page = comparison_document(found)
+        assert {row[1].text for row in page.tables[0].rows} == {"fair"}
+        assert "By position RMSE against fair: worse: poor +0.300" in markdown(found)
+    assert compare_results([scenario("only", rmse)]).baseline is None
+
+
+@pytest.mark.parametrize(
+    ("sets", "baseline", "message"),
+    [
+        (1, "god", "no tracker 'god' among the compared ones; did you mean 'good'?"),
+        (2, "good", "of several results the first is the baseline: results 1; name a tracker for one result only"),
+    ],
+)
+def test_a_baseline_that_cannot_be_one(sets: int, baseline: str, message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(f"--baseline: {message}")):
+        compare_results([scenario("only", {"good": 0.5, "fair": 0.6})] * sets, baseline=baseline)
+
+
+def test_trackers_left_out_of_the_correction_are_told() -> None:
+    results = [scenario("only", {"good": 0.5, "fair": 0.6, "poor": 0.9})]
+    note = "Judged among 2 of the 3 trackers: with all 3 the corrected p-values would be larger."
+    assert note in compare_results(results, trackers=["good", "poor"]).notes
+    assert compare_results(results, trackers=["good", "fair", "poor"]).notes == compare_results(results).notes == []
+
+
 def test_differences_over_scenarios_lead_the_page(compared: Comparison) -> None:
     table = comparison_document(compared).tables[0]
-    assert [column.heading for column in table.columns] == ["scenario", "fair", "poor"]
+    assert [column.heading for column in table.columns] == ["scenario", "poor", "fair"]
     rows = {row[0].text: [(cell.text, cell.details) for cell in row[1:]] for row in table.rows}
     assert list(rows) == ["first", "second", "third", "fourth", "all 4"]
-    assert rows["first"][0] == ("+20.00", ("worse",))
-    assert rows["fourth"][0] == ("", ())
+    assert rows["first"][1] == ("+20.00", ("worse",))
+    assert rows["fourth"][1] == ("", ())
     few = compare_results([[scenario(name, {"good": 0.5, "fair": 0.6, "poor": 0.9}) for name in ("one", "two")]])
     assert [row[0].text for row in comparison_document(few).tables[0].rows] == ["one", "two", "all 2"]
 
 
 def test_markdown(compared: Comparison) -> None:
     text = markdown(compared)
-    assert "| first | **0.500** (±0.010) | 0.600 (±0.010) | 2.000 (±0.010) |  |" in text
-    assert "| second | **0.500** (±0.010) | **0.510** (±0.010) | 1.500 (±0.010) |  |" in text
-    assert "| third | 0.700 (±0.010) | **0.600** (±0.010) | 1.000 (±0.010) | failed |" in text
-    assert "| fourth | **0.400** (±0.010) |  | 0.900 (±0.010) |  |" in text
-    assert "| first | 1.00 (±0.10) | 1.20 (±0.10) | 4.00 (±0.10) |  |" in text
+    assert "| first | **0.500** (±0.010) | 2.000 (±0.010) | 0.600 (±0.010) |  |" in text
+    assert "| second | **0.500** (±0.010) | 1.500 (±0.010) | **0.510** (±0.010) |  |" in text
+    assert "| third | 0.700 (±0.010) | 1.000 (±0.010) | **0.600** (±0.010) | failed |" in text
+    assert "| fourth | **0.400** (±0.010) | 0.900 (±0.010) |  |  |" in text
+    assert "| first | 1.00 (±0.10) | 4.00 (±0.10) | 1.20 (±0.10) |  |" in text
     assert "- **mine**: in third: ValueError: matrix \\<3\\> is singular (step 12, 0.60 s, sensor roof_lidar" in text
     assert "1 of 2 met" in text
 
@@ -246,7 +261,7 @@ def test_json(compared: Comparison) -> None:
     assert scores["second", "fair"]["leading"] is True
     assert scores["third", "mine"]["metrics"] == {}
     assert scores["third", "mine"]["failure"].startswith(REASON)
-    assert [item["tracker"] for item in found["ranking"]] == ["good", "fair", "poor", "mine"]
+    assert [item["tracker"] for item in found["ranking"]] == ["good", "poor", "fair", "mine"]
 
 
 def test_a_failed_tracker_is_not_compared_and_that_is_told() -> None:

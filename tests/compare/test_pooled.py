@@ -58,7 +58,7 @@ def difference(scenario: str, tracker: str) -> PairDifference:
 
 def score(scenario: str, tracker: str, diverged: int) -> EntrantScore:
     entrant = Entrant(tracker=tracker)
-    return EntrantScore(scenario=scenario, entrant=entrant, metrics={}, diverged_runs=diverged, rank=1, leading=True)
+    return EntrantScore(scenario=scenario, entrant=entrant, metrics={}, diverged_runs=diverged, leading=True)
 
 
 def test_nothing_is_pooled_of_a_tracker_that_lacks_a_scenario_and_no_interval_of_one_that_diverged() -> None:

@@ -61,10 +61,11 @@ class ReportableComparison(HasFigures, comparison.Comparison):
 
 
 def compare(
-    baseline: Compared | Sequence[results.Result],
+    first: Compared | Sequence[results.Result],
     *others: Compared | Sequence[results.Result],
     metrics: Sequence[str] = (),
     trackers: Sequence[str] | None = None,
+    baseline: str | None = None,
     limits: Mapping[str, float] | None = None,
 ) -> ReportableComparison:
     """Compare the trackers of one result, or each tracker of later results with its namesake in the first.
@@ -72,17 +73,19 @@ def compare(
     Results on the same measurements are compared run by run, others as independent samples.
 
     Args:
-        baseline: a result; a list of results of several scenarios; or the folder of either.
-        others: further results, lists or folders, which are each compared with the baseline.
+        first: a result; a list of results of several scenarios; or the folder of either.
+        others: further results, lists or folders, which are each compared with the first.
         metrics: metrics to compare by; unless given ``position_rmse``, or ``tgospa`` with hidden identities.
         trackers: names of the trackers to compare; all unless given.
+        baseline: tracker of a single result or list that the others are shown against; unless given the baseline of the
+            scenarios, else the best.
         limits: percentage, by metric, by which trackers of later results may be worse; ``passed`` says if all are kept.
 
     Raises:
         InputError: there is no such result, or the results cannot be compared.
     """
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
-    arguments = (baseline, *others)
+    arguments = (first, *others)
     names = {name for item in arguments if isinstance(item, results.Result) for name in item}
     for item in arguments:
         if isinstance(item, str) and item in names and not Path(item).exists():
@@ -91,7 +94,7 @@ def compare(
             )
     sets = [_read_set(item) for item in arguments]
     selected = None if trackers is None else listed(trackers)
-    compared = compare_sets(sets, metrics=listed(metrics), trackers=selected, limits=allowed)
+    compared = compare_sets(sets, metrics=listed(metrics), trackers=selected, baseline=baseline, limits=allowed)
     return ReportableComparison.model_validate(dict(compared))
 
 

@@ -117,6 +117,7 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
 @click.command("compare")
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="A [B]...")
 @click.option("--trackers", metavar="A,B", help="Only these trackers.")
+@click.option("--baseline", metavar="NAME", help="Tracker of one set of results that the others are shown against.")
 @click.option("--metric", "metrics", multiple=True, metavar="NAME", help="Metric to compare by; repeat it for several.")
 @click.option(
     "--fail-on-regression",
@@ -136,6 +137,7 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
 def compare_command(
     paths: tuple[Path, ...],
     trackers: str | None,
+    baseline: str | None,
     metrics: tuple[str, ...],
     limits: tuple[str, ...],
     junit: Path | None,
@@ -151,6 +153,7 @@ def compare_command(
     Examples:
       trackbench compare results/highway --metric velocity_rmse
       trackbench compare results/
+      trackbench compare results/highway --baseline ekf_cv
       trackbench compare before/ after/ --fail-on-regression position_rmse:5
       trackbench compare before/highway after/highway --out table.tex
       trackbench compare nightly/* --out nights.html
@@ -175,7 +178,8 @@ def compare_command(
         if path is not None:
             results.require_file(path, key)
     names = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    comparison = compare_results([find_results(path) for path in paths], metrics=metrics, trackers=names, limits=parsed)
+    sets = [find_results(path) for path in paths]
+    comparison = compare_results(sets, metrics=metrics, trackers=names, baseline=baseline, limits=parsed)
     written = []
     for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)

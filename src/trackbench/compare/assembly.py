@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -47,7 +47,7 @@ from trackbench.results import Result, merged_places
 def orders(
     cells: Iterable[ScenarioResults], ranked_by: str, scores: Sequence[EntrantScore], pairings: Pairings
 ) -> list[OrderInWorlds]:
-    """Return how each pair of trackers is ordered in each world of a scenario; ``a`` is better in the first world."""
+    """Return the order of each compared pair of trackers in each world of a scenario; ``a`` leads in the first."""
     by_base: dict[str, dict[str, str]] = {}
     for cell in cells:
         scenario = cell.entries[0].result.summary.scenario
@@ -58,18 +58,23 @@ def orders(
         first, *later = (_contender_errors(scores, name, ranked_by) for name in worlds.values())
         names = [name for name in sorted(first, key=first.__getitem__) if all(name in errors for errors in later)]
         for a, b in combinations(names, 2) if later else ():
-            ahead = {world: pairings.better(name, a, b) for world, name in worlds.items()}
-            result.append(OrderInWorlds(scenario=base, a=a, b=b, ahead=ahead))
+            if all(pairings.compared(name, a, b) for name in worlds.values()):
+                ahead = {world: pairings.better(name, a, b) for world, name in worlds.items()}
+                result.append(OrderInWorlds(scenario=base, a=a, b=b, ahead=ahead))
     return result
 
 
 def _contender_errors(scores: Sequence[EntrantScore], scenario: str, metric: str) -> dict[str, float]:
-    ranked = [item for item in scores if item.scenario == scenario and item.rank is not None and not item.reference]
+    ranked = [item for item in scores if item.scenario == scenario and not item.reference]
     return {score.entrant.tracker: value for score in ranked if (value := score.value(metric)) is not None}
 
 
 def commands(
-    sets: Sequence[ResultSet], metrics: Sequence[str], trackers: Sequence[str] | None, limits: Sequence[Limit]
+    sets: Sequence[ResultSet],
+    metrics: Sequence[str],
+    trackers: Sequence[str] | None,
+    baseline: str | None,
+    limits: Sequence[Limit],
 ) -> list[str]:
     """Return the commands that repeat each run and the comparison; empty if a result does not state how it was made."""
     if not all(entry.result.summary.command for item in sets for entry in item.entries):
@@ -82,6 +87,7 @@ def commands(
     ]
     options = [word for metric in metrics for word in ("--metric", metric)]
     options += [] if trackers is None else ["--trackers", ",".join(trackers)]
+    options += [] if baseline is None else ["--baseline", baseline]
     options += [word for limit in limits for word in (OPTION, f"{limit.metric}:{limit.percent:g}")]
     compared = shlex.join(["trackbench", "compare", *(str(path) for _, path in places), *options])
     return [*dict.fromkeys(runs), compared]
@@ -103,6 +109,7 @@ def compare_results(
     *,
     metrics: Sequence[str] = (),
     trackers: Sequence[str] | None = None,
+    baseline: str | None = None,
     limits: Sequence[Limit] = (),
 ) -> Comparison:
     """Compare the trackers of one set of results with each other, or the trackers of several sets with the first set's.
@@ -117,6 +124,8 @@ def compare_results(
         metrics: metrics to compare by, beside those of the limits; scenarios without any of them, and by default all
             scenarios, are compared by ``position_rmse``, or ``tgospa`` with hidden identities.
         trackers: names of the trackers to compare; None for all.
+        baseline: tracker of a single set that the others are shown against; None for the baseline of the scenarios,
+            else the best.
         limits: how much worse the trackers of the later sets may be.
 
     Raises:
@@ -132,6 +141,9 @@ def compare_results(
     for name in trackers or ():
         if name not in names:
             raise InputError(f"no tracker {name!r} in these results; {nearest_choices(name, names)}", key="--trackers")
+    kept = names if trackers is None else set(trackers)
+    if baseline is not None:
+        _require_baseline(baseline, sets, kept)
     compared = [cell for group in groups for cell in group.cells]
     chosen = {
         (cell.scenario, number): [name for name in entry.trackers if trackers is None or name in trackers]
@@ -142,9 +154,14 @@ def compare_results(
         limited = [metric_of[limit.metric] for metric_of in by_path for limit in limits if limit.metric in metric_of]
         _require_judgeable(sets, cells, compared, chosen, limited)
     comparisons, notes = [], [*left_out, *engine_notes(sets, compared)]
+    if len(kept) < len(names):
+        may = "would" if len(sets) == 1 else "may"
+        among = f"Judged among {len(kept)} of the {len(names)} trackers"
+        # Trackers that are the same in every run of two sets are not counted by the correction.
+        notes.append(f"{among}: with all {len(names)} the corrected p-values {may} be larger.")
     what = "only one tracker" if len(sets) == 1 else "no tracker is in the first result and in a later one"
     for group, metric_of in zip(groups, by_path, strict=True):
-        comparison = _comparison([item.label for item in sets], group, metric_of, wanted, limits, chosen)
+        comparison = _comparison([item.label for item in sets], group, metric_of, wanted, limits, chosen, baseline)
         if comparison is not None:
             comparisons.append(comparison)
         else:
@@ -163,7 +180,7 @@ def compare_results(
         "places": {name: place for name, place in places.items() if name in shown},
         "without_truth": without_truth,
         "notes": [*notes, *order_notes(origins, sets), *first.notes],
-        "commands": commands(sets, metrics, trackers, limits),
+        "commands": commands(sets, metrics, trackers, baseline, limits),
     }
     return first.model_copy(update=update)
 
@@ -175,6 +192,7 @@ def _comparison(
     wanted: Sequence[str],
     limits: Sequence[Limit],
     chosen: Mapping[tuple[str, int], list[str]],
+    named_baseline: str | None,
 ) -> Comparison | None:
     cells, ranked_by, single = group.cells, group.ranked_by, len(sets) == 1
     wanted = [path for path in wanted if path in metrics] or [ranked_by]
@@ -183,7 +201,7 @@ def _comparison(
         for entry in cell.entries.values():
             for path in (ranked_by, *wanted):
                 require_same_metric(cell.entries[0], entry, path)
-    matches = [match for cell in cells for match in _matches(cell, chosen, single)]
+    matches = [match for cell in cells for match in _matches(cell, chosen, single, named_baseline)]
     if single and len(cells) > 1:
         wanted = list(dict.fromkeys([ranked_by, *wanted]))
     elif not any(match.pairs for match in matches):
@@ -205,8 +223,8 @@ def _comparison(
         for score in entrant_scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings, wanted)
     ]
     scenes = sets_of_scenes({cell.scenario: cell.entries[0].result.summary.truth.motion for cell in cells})
-    order, rank_differences = ranked_trackers(scored, pairings, scenes) if pairings else ([], [])
-    baseline = _baseline(cells, chosen, order) if single and len(cells) > 1 else None
+    order = ranked_trackers(scored, ranked_by) if single else []
+    baseline = _baseline(cells, chosen, order, named_baseline) if single else None
     places = {item.tracker: place for place, item in enumerate(order)}
     to_baseline = (
         sorted(differences_to(baseline, differing), key=lambda item: places[item.entrant.tracker])
@@ -223,7 +241,6 @@ def _comparison(
         baseline=baseline,
         sets_of_scenes=scenes,
         ranking=order,
-        rank_differences=rank_differences,
         worlds=orders(cells, ranked_by, scored, pairings) if pairings else [],
         gates=gate_results(limits, metrics, differing, missing),
         not_compared=missing,
@@ -232,14 +249,22 @@ def _comparison(
 
 
 def _baseline(
-    cells: Sequence[ScenarioResults], chosen: Mapping[tuple[str, int], list[str]], order: Sequence[RankedTracker]
+    cells: Sequence[ScenarioResults],
+    chosen: Mapping[tuple[str, int], list[str]],
+    order: Sequence[RankedTracker],
+    named: str | None,
 ) -> str | None:
-    """Return the tracker that all others are compared with: the one stated in all scenarios, else the best."""
+    """Return the tracker that the others are shown against; None for one scenario that states none.
+
+    It is the tracker that the user named, else the one stated in all scenarios, else the best.
+    """
+    if any(named in chosen[cell.scenario, 0] for cell in cells):
+        return named
     stated = {cell.entries[0].result.summary.score.baseline for cell in cells}
     name = stated.pop() if len(stated) == 1 else None
     if name is not None and all(name in chosen[cell.scenario, 0] for cell in cells):
         return name
-    return order[0].tracker if order else None
+    return order[0].tracker if order and len(cells) > 1 else None
 
 
 def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultSet:
@@ -268,10 +293,22 @@ def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Se
             raise InputError(f"{path} has no better direction, so it cannot regress; state an expectation", key=OPTION)
 
 
-def _matches(cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
+def _require_baseline(name: str, sets: Sequence[ResultSet], trackers: Collection[str]) -> None:
+    """Make sure that there is one set of results, and the baseline is one of its compared trackers."""
+    if len(sets) > 1:
+        message = f"of several results the first is the baseline: {sets[0].label}; name a tracker for one result only"
+        raise InputError(message, key="--baseline")
+    if name not in trackers:
+        message = f"no tracker {name!r} among the compared ones; {nearest_choices(name, trackers)}"
+        raise InputError(message, key="--baseline")
+
+
+def _matches(
+    cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool, named_baseline: str | None
+) -> Iterator[Match]:
     baseline = cell.entries[0]
     if single:
-        yield match_within(baseline, chosen[cell.scenario, 0])
+        yield match_within(baseline, chosen[cell.scenario, 0], named_baseline)
         return
     for number, entry in cell.entries.items():
         if number > 0:

@@ -15,7 +15,7 @@ from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import ResultModel, read_model
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 #: Metrics of computing time: they differ between machines, so no file keeps them.
 TIMES = ("step_time",)
 #: Significant digits that are kept: machines differ only in digits far behind.
@@ -73,16 +73,13 @@ class SetOrigin(ResultModel):
 
 
 class EntrantScore(ResultModel):
-    """Metrics and rank of one entrant in one scenario."""
+    """Metrics of one entrant in one scenario."""
 
     scenario: str
     entrant: Entrant
     metrics: dict[str, MetricValue]
     """Metrics that have a value for this entrant, by dotted path such as ``rmse.px``."""
     diverged_runs: int
-    rank: float | None
-    """Rank in a single set: one, plus one for each tracker that is shown to be better by more than the margin, plus a
-    half for each tracker that is neither shown better nor worse. None without a score, and with several sets."""
     leading: bool
     """Whether the entrant is the best of the scenario, or was compared with the best and not shown to be worse by more
     than the margin."""
@@ -214,38 +211,16 @@ class OverallChange(ResultModel):
 
 
 class RankedTracker(ResultModel):
-    """Mean rank of one tracker over all its scenarios, with the numbers of pairings won, lost and tied."""
+    """Place of one tracker of a single set in the order over scenarios."""
 
     tracker: str
-    scenarios: int
-    mean_rank: float
-    ci95: tuple[float, float] | None
-    """95 % interval of the mean rank. None with too few trackers or sets of scenes, and where the interval would have
-    no width or cover all ranks."""
-    won: int
-    """Number of pairings, in all scenarios, in which the error is shown to be smaller by more than the margin."""
-    lost: int
-    tied: int
-    """Number of pairings, in all scenarios, in which neither error is shown to be smaller."""
-    consistent_scenarios: int
-    """Number of scenarios in which the tracker's covariance is as large as its errors."""
-    judged_scenarios: int
-    """Number of scenarios with a verdict on the tracker's covariance."""
-    diverged_runs: int
-    failed_scenarios: int
+    without_score: int
+    """Number of scenarios in which the tracker failed or did not take part."""
+    relative_error: float | None
+    """Geometric mean over scenarios of the error, divided by the geometric mean error of the competing trackers in the
+    scenario. None without a score in any scenario."""
     reference: bool = False
-    """Whether the tracker is no competitor: it is listed after the others, with the rank that it would have."""
-
-
-class RankDifference(ResultModel):
-    """Test whether two trackers differ in their mean rank over scenarios."""
-
-    a: str
-    b: str
-    p_value: float
-    """P-value of the hypothesis of equal expected ranks in a scenario, corrected for the number of pairs."""
-    shown: bool
-    """Whether the mean ranks are shown to differ."""
+    """Whether the tracker is no competitor, so that it is listed after the others."""
 
 
 class GateResult(ResultModel):
@@ -301,14 +276,12 @@ class Comparison(ResultModel):
     overall: list[OverallChange]
     """Changes against the baseline, pooled over several scenarios; empty for one scenario."""
     baseline: str | None = None
-    """Tracker that the others are compared with in ``overall``: the ``score.baseline`` of all scenarios, else the best.
-    None unless a single set has several scenarios."""
+    """Tracker that the others are shown against: the one the user named, else the ``score.baseline`` of all scenarios,
+    else the best over several scenarios. None for several sets, and for one scenario without a baseline."""
     sets_of_scenes: list[list[str]]
-    """Names of the scenarios, grouped where they share scenes; the ranking counts each group once."""
+    """Names of the scenarios, grouped where they share scenes, so that their differences are correlated."""
     ranking: list[RankedTracker]
-    """Trackers of a single set by mean rank, best first."""
-    rank_differences: list[RankDifference]
-    """Tests of every pair of trackers of a single set over several scenarios, in the order of the ranking."""
+    """Trackers of a single set: by the number of scenarios with a score, then by relative error, best first."""
     gates: list[GateResult]
     not_compared: list[NotCompared]
     notes: list[str]

@@ -40,10 +40,10 @@ class Match:
     how: Comparability
     pairs: tuple[tuple[str, str], ...]
     selected: bool = False
-    """Whether all trackers are compared with the one that was best in the same data."""
+    """Whether all trackers are compared with one that may have been chosen for its values in the same data."""
 
     def choices(self, metric: Metric) -> float:
-        """Return the factor on p-values for the choice of the best tracker in the same data; 0 without a choice."""
+        """Return the factor on p-values for the choice of a tracker in the same data; 0 without a choice."""
         return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
 
     def entrants(self, pair: tuple[str, str]) -> tuple[Entrant, Entrant]:
@@ -51,16 +51,26 @@ class Match:
         return Entrant(tracker=pair[0], set=self.number), Entrant(tracker=pair[1])
 
 
-def match_within(entry: Entry, trackers: Sequence[str]) -> Match:
-    """Pair the trackers of one result: each with the baseline if there is one, many with the best, else all pairs."""
+def match_within(entry: Entry, trackers: Sequence[str], baseline: str | None = None) -> Match:
+    """Pair the trackers of one result: each with the baseline if there is one, many with the best, else all pairs.
+
+    Args:
+        entry: the result.
+        trackers: names of the trackers to compare.
+        baseline: tracker that the user named, in place of the scenario's baseline or of the best. All pairs stay
+            compared where they are: a baseline that is named with the results at hand makes no p-value smaller.
+    """
     how, score = Comparability.of_all(entry.result.summary.runs, ""), entry.result.summary.score
-    names, against = list(trackers), score.baseline if score.baseline in trackers else None
-    selected = against is None and len(names) > MOST_PAIRED
-    if selected:
+    names, stated = list(trackers), score.baseline if score.baseline in trackers else None
+    if stated is None and len(names) <= MOST_PAIRED:
+        return Match(entry.result.name, entry, entry, 0, how, tuple(combinations(names, 2)))
+    against = baseline if baseline in trackers else stated
+    selected = against is None or against != stated
+    if against is None:
         contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in names]
         names, against = (contenders, contenders[0]) if contenders else (names, names[0])
-    pairs = combinations(names, 2) if against is None else ((name, against) for name in names if name != against)
-    return Match(entry.result.name, entry, entry, 0, how, tuple(pairs), selected)
+    pairs = tuple((name, against) for name in names if name != against)
+    return Match(entry.result.name, entry, entry, 0, how, pairs, selected)
 
 
 def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str, str], ...]:

@@ -65,16 +65,15 @@ NEXT = {
 COMPARED = {
     "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
     "worse": "Shown to be worse: {listed}.",
-    "nobody ahead": "No tracker is shown to be ahead over {over}: beside {than}, the {what} of {subject} is",
-    "ahead of next": "{best} is ahead{by} over {over}: the {what} of {other}, the next, is {change}.",
-    "ahead of baseline": "{best} is ahead{by} over {over}: its {what} is {change} than that of {other}, the baseline.",
-    "ahead by rank": "{best} is ahead over {over}: its mean rank is {rank}, and that of {second}, the next, {other}.",
-    "too few": "Nothing is shown about other scenarios: with {trackers} that takes {wanted} sets of scenes, and here "
-    "are {sets}.",
-    "lead": "In other scenarios like these its mean rank is {shown} to be the best (sign-flip test of the ranks over "
-    "the sets of scenes, p = {p_value}).",
+    "nobody ahead": "No tracker is shown to be ahead over {over}: beside {than}, the {what} of {subject} is {change}.",
+    "ahead of next": "{best} is ahead over {over}: the {what} of {other}, the next, is {change}.",
+    "ahead of baseline": "{best} is ahead over {over}: its {what} is {change} than that of {other}, the baseline.",
+    "not known how sure": "It is not known how sure this is.",
+    "not known who": "It is not known who is ahead over {over}: in some of them {best} or {other} has no score, or an "
+    "error of 0.",
     "pooled": "In %, with the 95 % interval of each alone; {over}: geometric mean of the ratios in these scenarios",
     "words": "{over} is about these scenarios, not about others. Worse, better: shown to differ by more than the "
     "margin, at 5 % for all pairs of {family} together (Holm; the intervals are not corrected). Same: within the "
     "margin. Not shown: neither.",
+    "shared scenes": "For its interval, scenarios with the same scenes count as fully correlated: {listed}.",
 }

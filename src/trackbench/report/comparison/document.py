@@ -39,13 +39,13 @@ from trackbench.report.comparison.over_time import (
 from trackbench.report.comparison.sentences import (
     NAMES,
     answer_blocks,
-    best_tracker,
     difference_decimals,
     difference_subject,
     differences_from,
     entrant_name,
     in_percent,
     set_letter,
+    shown_against,
 )
 from trackbench.report.numbers import half_width, short
 from trackbench.report.pairs import difference_word
@@ -166,8 +166,8 @@ def _metric_section(
     comparison: Comparison, styles: Styles, metric: str, items: Sequence[PairDifference]
 ) -> Iterator[Block]:
     several = len(comparison.scenarios) > 1
-    best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
-    shown = differences_from(best, items) if best else sorted(items, key=lambda item: item.identical)
+    against = shown_against(comparison, items)
+    shown = differences_from(against, items) if against else sorted(items, key=lambda item: item.identical)
     if several:
         yield scenario_table(comparison, metric)
     else:
@@ -178,9 +178,10 @@ def _metric_section(
         yield Row((course_figure(comparison, metric, items, styles),))
     elif not all(item.identical for item in shown):
         labels = [
-            difference_subject(comparison, item) if best or len(comparison.sets) > 1 else _pair(item) for item in shown
+            difference_subject(comparison, item) if against or len(comparison.sets) > 1 else _pair(item)
+            for item in shown
         ]
-        yield Row((difference_figure(metric, shown, labels, styles, best or ""),))
+        yield Row((difference_figure(metric, shown, labels, styles, against or ""),))
     if several or len(shown) < len(items):
         title = "Each difference" if several else "Each pair"
         each = _differences(comparison, metric, items)

@@ -1,4 +1,4 @@
-"""Figure of the differences between trackers in a comparison, and its ranked trackers in groups."""
+"""Figure of the differences between trackers in a comparison, and labels of its ranked trackers."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from trackbench.compare.comparison import RankedTracker
 from trackbench.document import Figure, end_of_axis
 from trackbench.document.drawing import INK, WIDTH, shortened_to_width
 from trackbench.document.palette import Styles
-from trackbench.report.pairs import groups_of
 from trackbench.report.tables import unit_after_heading
 
 _ROW = 24.0
 
 
 def difference_figure(
-    metric: str, items: Sequence[PairDifference], labels: Sequence[str], styles: Styles, best: str
+    metric: str, items: Sequence[PairDifference], labels: Sequence[str], styles: Styles, against: str
 ) -> Figure:
     """Return a figure of the differences in a metric with their intervals, in the metric's unit.
 
@@ -37,7 +36,7 @@ def difference_figure(
     low, high = min(shown, default=-end), max(shown, default=end)
     low, high = min(low, 0.0), max(high, 0.0)
     low, high = low - 0.06 * (high - low), high + 0.06 * (high - low)
-    quantity = f"{metric} minus that of {best}" if best else f"difference in {metric}"
+    quantity = f"{metric} minus that of {against}" if against else f"difference in {metric}"
     has_intervals, cut = any(item.ci95 for item in items), any(not low <= value <= high for _, value, *_ in drawn)
     caption = f"Dots: {quantity}{'; bars: their 95 % intervals' * has_intervals}."
     caption += " Outliers are cut off at the edge, with their values." * cut
@@ -77,11 +76,3 @@ def competitors(comparison: Comparison) -> list[RankedTracker]:
 def ranked_label(item: RankedTracker) -> str:
     """Return the name of a ranked tracker, marked if it is a reference."""
     return f"{item.tracker} (reference)" if item.reference else item.tracker
-
-
-def rank_groups(comparison: Comparison) -> list[list[RankedTracker]]:
-    """Return groups of trackers whose mean ranks are not shown to differ from each other, best group first."""
-    shown = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
-    names = [item.tracker for item in competitors(comparison)]
-    groups = groups_of(names, lambda a, b: frozenset((a, b)) in shown)
-    return [[item for item in comparison.ranking if item.tracker in group] for group in groups]

@@ -80,40 +80,32 @@ def change_decimals(percent: float, ci95: tuple[float, float] | None) -> int:
 
 
 def who_is_ahead(comparison: Comparison) -> str:
-    """Return a sentence on the leading tracker and its lead in pooled error, or in mean rank if none is pooled.
+    """Return a sentence on the leading tracker and its lead in pooled error over the next or over the baseline.
 
     No tracker is said to be ahead where the interval of the pooled difference includes 0.
     """
     first, second = competitors(comparison)[:2]
-    over = counted(len(comparison.scenarios), "scenario")
-    other = second.tracker if comparison.baseline == first.tracker else comparison.baseline
-    behind = first.tracker if other == comparison.baseline else other
+    best, over = first.tracker, counted(len(comparison.scenarios), "scenario")
+    other = second.tracker if comparison.baseline == best else comparison.baseline
+    behind = best if other == comparison.baseline else other
     changes = [item for item in comparison.overall if item.metric == comparison.ranked_by]
     change = next((item for item in changes if item.entrant.tracker == behind), None)
     if change is None or change.mean_percent is None:
-        rank = rounded(first.mean_rank, 2)
-        return COMPARED["ahead by rank"].format(
-            best=first.tracker, over=over, rank=rank, other=rounded(second.mean_rank, 2), second=second.tracker
-        )
-    if change.ci95 is not None and change.ci95[0] <= 0 <= change.ci95[1]:
-        subject, than = (first.tracker, other) if behind == first.tracker else (other, first.tracker)
-        text = COMPARED["nobody ahead"].format(over=over, what=NAMES[comparison.ranked_by], subject=subject, than=than)
-        return f"{text} {_change_in_words(change.mean_percent, change.ci95)}."
-    # Mean ranks order the trackers, and the pooled errors may disagree.
-    is_by_rank = (change.mean_percent < 0) == (behind == other)
-    text = COMPARED["ahead of baseline" if other == comparison.baseline else "ahead of next"]
-    return text.format(
-        best=first.tracker,
-        by=" by mean rank" * is_by_rank,
-        over=over,
-        what=NAMES[comparison.ranked_by],
-        other=other,
-        change=_change_in_words(change.mean_percent, change.ci95),
-    )
+        return COMPARED["not known who"].format(over=over, best=best, other=other)
+    what, words = NAMES[comparison.ranked_by], _change_in_words(change.mean_percent, change.ci95)
+    low, high = change.ci95 or (change.mean_percent, change.mean_percent)
+    if low <= 0 <= high:
+        than = change.against.tracker
+        return COMPARED["nobody ahead"].format(over=over, what=what, subject=behind, than=than, change=words)
+    kind = "ahead of baseline" if other == comparison.baseline else "ahead of next"
+    text = COMPARED[kind].format(best=best, over=over, what=what, other=other, change=words)
+    return text if change.ci95 else f"{text} {COMPARED['not known how sure']}"
 
 
 def _change_in_words(percent: float, ci95: tuple[float, float] | None) -> str:
-    """Return a change with its interval as text: "1.4 % larger (95 %: 0.5 to 2.3 %)"."""
+    """Return a change with its interval as text: "1.4 % larger (95 %: 0.5 to 2.3 %)"; "the same" for 0."""
+    if percent == 0:
+        return "the same"
     sign, word = (1, "larger") if percent > 0 else (-1, "smaller")
     places = change_decimals(percent, ci95)
     text = f"{rounded(sign * percent, places)} % {word}"

@@ -1,4 +1,4 @@
-"""Trackers over scenarios: the ranking, and each tracker's metrics in each scenario."""
+"""Trackers over scenarios: who is ahead, and each tracker's metrics in each scenario."""
 
 from __future__ import annotations
 
@@ -8,23 +8,13 @@ from dataclasses import replace
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
-from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.verdicts import mean_text
-from trackbench.report.comparison.figures import competitors, rank_groups, ranked_label
+from trackbench.report.comparison.figures import competitors, ranked_label
 from trackbench.report.comparison.over_scenarios import scenario_table, who_is_ahead
-from trackbench.report.comparison.sentences import NAMES, lead_certainty, world_tables
-from trackbench.report.numbers import (
-    NOT_AVAILABLE,
-    decimals,
-    interval_text,
-    joined_names,
-    reach_text,
-    rounded,
-    short,
-)
-from trackbench.report.pairs import group_letter
+from trackbench.report.comparison.sentences import NAMES, world_tables
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, reach_text, short
 from trackbench.report.tables import tone_of
 from trackbench.report.verdicts import COMPARED
 
@@ -44,21 +34,18 @@ _OF_TRACKS = {
 
 
 def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
-    """Yield the answer, the ranking, a matrix for each metric, the scenarios, and the failures."""
+    """Yield the answer, the differences from the baseline, a matrix for each metric, the scenarios and the failures."""
     if len(competitors(comparison)) > 1:
-        yield Paragraph(f"{who_is_ahead(comparison)} {lead_certainty(comparison)}", strong=True)
-    if any(len(names) > 1 for names in comparison.sets_of_scenes):
-        yield Paragraph(f"{_extent(comparison)}.")
+        yield Paragraph(who_is_ahead(comparison), strong=True)
     for metric in dict.fromkeys(change.metric for change in comparison.overall):
         name = NAMES.get(metric, metric)
         title = f"{name[0].upper()}{name[1:]} against {comparison.baseline}"
         words = COMPARED["words"].format(
             over=f"All {len(comparison.scenarios)}", family="all worlds" if comparison.worlds else "a scenario"
         )
+        shared = [joined_names(names) for names in comparison.sets_of_scenes if len(names) > 1]
+        words += f" {COMPARED['shared scenes'].format(listed='; '.join(shared))}" if shared else ""
         yield Section(title, (scenario_table(comparison, metric), Paragraph(words)))
-    letters = _group_letters(comparison)
-    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]) + _GROUPS * any(letters))
-    yield Section("Mean ranks", (_mean_ranks(comparison, letters), method))
     if comparison.worlds:
         yield Section("In which worlds does it hold?", tuple(world_tables(comparison)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
@@ -78,64 +65,6 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
         yield Section("Without a score", (Items(tuple(failures)),))
 
 
-def _extent(comparison: Comparison) -> str:
-    """Return in words how many trackers and scenarios there are, and which scenarios share scenes."""
-    ranking, sets = competitors(comparison), comparison.sets_of_scenes
-    text = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
-    shared = [joined_names(names) for names in sets if len(names) > 1]
-    together = f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share the same scenes, and count as one"
-    return text + together
-
-
-_METHOD = (
-    "Mean of the ranks by {metric} within each scenario. A rank is 1, plus 1 for each tracker that is shown to be "
-    "better by more than the margin, plus a half for each tracker where neither is shown to be better."
-)
-_GROUPS = (
-    " Trackers that share a letter are not shown to differ in mean rank (exact sign-flip test over the sets of scenes, "
-    "5 %, Holm over the pairs)."
-)
-
-
-def _mean_ranks(comparison: Comparison, letters: list[str]) -> Table:
-    """Return a table of each tracker's mean rank, wins and losses over all scenarios, best first."""
-    items = comparison.ranking
-    ranks = ["" if item.reference else str(i) for i, item in enumerate(items, 1)]
-    names = [Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker) for item in items]
-    texts = {
-        "group": letters,
-        "mean rank": [rounded(item.mean_rank, 2) for item in items],
-        "95 % interval": [interval_text(item.ci95, 2) for item in items],
-        "won": [str(item.won) for item in items],
-        "lost": [str(item.lost) for item in items],
-        "tied": [str(item.tied) for item in items],
-    }
-    if comparison.ranked_by == "position_rmse":
-        texts["consistent"] = [f"{item.consistent_scenarios} of {item.judged_scenarios}" for item in items]
-        texts["diverged runs"] = [str(item.diverged_runs) for item in items]
-    failed = [(f"{item.failed_scenarios} without a score",) if item.failed_scenarios else () for item in items]
-    columns = [
-        (Column(""), list(map(Cell, ranks))),
-        (Column("tracker", left=True), names),
-        *((Column(heading), list(map(Cell, column))) for heading, column in texts.items() if any(column)),
-        (Column("scenarios"), [Cell(str(item.scenarios), note) for item, note in zip(items, failed, strict=True)]),
-    ]
-    return Table.of_columns("ranking", columns)
-
-
-def _group_letters(comparison: Comparison) -> list[str]:
-    """Return the letters of each ranked tracker; two share a letter exactly if not shown to differ in mean rank."""
-    competing, sets = competitors(comparison), comparison.sets_of_scenes
-    if len(competing) < 2 or len(sets) < fewest_sets(len(competing)):
-        return [""] * len(comparison.ranking)
-    groups = rank_groups(comparison)
-    letters = {item.tracker: "" for item in comparison.ranking}
-    for number, group in enumerate(groups):
-        for item in group:
-            letters[item.tracker] += group_letter(number)
-    return [*letters.values()]
-
-
 def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric: str, cell: _ToCell) -> Table:
     """Return a table of one metric, with scenarios as rows and trackers as columns in the order of the ranking."""
     rows = []
@@ -153,7 +82,7 @@ def _plain_cell(metric: str) -> _ToCell:
     def cell(score: EntrantScore, places: int) -> Cell:
         value = score.metrics.get(metric)
         if value is None:
-            return Cell("failed", tone="bad") if score.rank is None else Cell(NOT_AVAILABLE)
+            return Cell("failed", tone="bad") if score.failure else Cell(NOT_AVAILABLE)
         return Cell(short(value.value, places), tuple(filter(None, [reach_text(value.value, value.ci95, places)])))
 
     return cell

@@ -1,18 +1,16 @@
-"""First sentences of a comparison: failed limits, the best tracker, its lead, and the worlds in which it leads."""
+"""First sentences of a comparison: failed limits, the best tracker, and the worlds in which it leads."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.differences import differences_to
 from trackbench.compare.limits import limits_in_words
-from trackbench.compare.ranking import fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import competitors
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, rounded, short, signed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, short, signed
 from trackbench.report.pairs import difference_word
 from trackbench.report.verdicts import COMPARED
 from trackbench.results.tracker_result import BEATS_BOUND
@@ -46,9 +44,14 @@ def answer_blocks(comparison: Comparison) -> Iterator[Block]:
         yield Items(not_kept)
     failures = _failures(comparison)
     for metric, items in comparison.by_metric():
-        best = best_tracker(comparison, items) if len(comparison.sets) == 1 else None
-        text = _best(comparison, best, items) if best else _changes(comparison, items)
-        yield Paragraph(f"{failures}By {NAMES.get(metric, metric)}: {text}", strong=True)
+        name, against = NAMES.get(metric, metric), shown_against(comparison, items)
+        if against is None:
+            text = f"{name}: {_changes(comparison, items)}"
+        elif against == comparison.baseline:
+            text = f"{name} against {against}: {_changes(comparison, differences_from(against, items))}"
+        else:
+            text = f"{name}: {_best(comparison, against, items)}"
+        yield Paragraph(f"{failures}By {text}", strong=True)
         failures = ""
     if failures:
         yield Paragraph(failures.strip(), strong=True)
@@ -63,6 +66,17 @@ def _failures(comparison: Comparison) -> str:
         failure = "beats the Cramér-Rao bound" if BEATS_BOUND in score.failure else "failed"
         parts.append(f"{score.entrant.tracker} {failure}{' in ' * bool(places)}{', '.join(places)}")
     return f"{', '.join(parts[:LISTED])}{number_left_out(parts)}. " if parts else ""
+
+
+def shown_against(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
+    """Return the tracker of a single set against which the differences ``items`` are shown: the baseline or the best.
+
+    Return None for several sets, or if it is unknown whether smaller or larger values are better.
+    """
+    if len(comparison.sets) > 1:
+        return None
+    compared = {entrant.tracker for item in items for entrant in (item.entrant, item.against)}
+    return comparison.baseline if comparison.baseline in compared else best_tracker(comparison, items)
 
 
 def best_tracker(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
@@ -87,9 +101,9 @@ def _better_sign(comparison: Comparison, items: Sequence[PairDifference]) -> flo
     return 1.0 if (shown.difference < 0) == (shown.verdict == "better") else -1.0
 
 
-def differences_from(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
-    """Return the difference of each other tracker from the tracker ``best``, smallest magnitude first."""
-    return sorted(differences_to(best, items), key=lambda item: abs(item.difference))
+def differences_from(against: str, items: Sequence[PairDifference]) -> list[PairDifference]:
+    """Return the difference of each other tracker from the tracker ``against``, smallest magnitude first."""
+    return sorted(differences_to(against, items), key=lambda item: abs(item.difference))
 
 
 def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) -> str:
@@ -176,19 +190,6 @@ def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None
 def set_letter(number: int) -> str:
     """Return the letter of the set of results with an index: 0 is A; from the 27th set on, its ordinal number."""
     return chr(ord("A") + number) if number < 26 else str(number + 1)
-
-
-def lead_certainty(comparison: Comparison) -> str:
-    """Return a sentence: whether the first tracker's lead in the ranking is shown to hold beyond these scenarios."""
-    ranking = competitors(comparison)
-    wanted = fewest_sets(len(ranking))
-    if len(comparison.sets_of_scenes) < wanted:
-        sets = len(comparison.sets_of_scenes)
-        return COMPARED["too few"].format(trackers=counted(len(ranking), "tracker"), wanted=wanted, sets=sets)
-    first = ranking[0].tracker
-    rivals = [item for item in comparison.rank_differences if first in (item.a, item.b)]
-    shown = "shown" if all(item.shown for item in rivals) else "not shown"
-    return COMPARED["lead"].format(shown=shown, p_value=rounded(max(item.p_value for item in rivals), 3))
 
 
 _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "warn", "not shown": ""}
