@@ -101,6 +101,12 @@ def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
         (["tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json"),
         (["empty"], "empty: no result.json in this folder: it is not the folder of a run"),
         (["base/tiny", "--trackers", "ekv"], "--trackers: no tracker 'ekv' in these results; did you mean 'ekf'?"),
+        (
+            ["base/tiny", "--baseline", "ekv"],
+            "--baseline: no tracker 'ekv' among the compared ones; did you mean 'ekf'",
+        ),
+        (["base/tiny", "new/tiny", "--baseline", "ekf"], "--baseline: of several results the first is the baseline"),
+        (["base/tiny", "tiny.yaml", "empty", "new/tiny"], "leave out what is no result: tiny.yaml, empty\n"),
         (["base/tiny", "--metric", "position"], "--metric: 'position' has no values by run to compare; did you mean"),
         (["base/tiny", "--metric", "step_time"], "--metric: 'step_time' has no values by run to compare; "),
         (["base/tiny", "--trackers", "ekf"], "base/tiny: nothing to compare: only one tracker"),

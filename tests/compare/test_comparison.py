@@ -13,6 +13,7 @@ from tests.support.past_results import scene
 
 from trackbench.base.errors import InputError
 from trackbench.compare import Comparison, compare_results
+from trackbench.document.latex import table_to_latex
 from trackbench.document.markdown import to_markdown
 from trackbench.report.comparison.document import comparison_document
 from trackbench.report.comparison.over_scenarios import who_is_ahead
@@ -252,6 +253,11 @@ def test_markdown(compared: Comparison) -> None:
     assert "| first | 1.00 (±0.10) | 4.00 (±0.10) | 1.20 (±0.10) |  |" in text
     assert "- **mine**: in third: ValueError: matrix \\<3\\> is singular (step 12, 0.60 s, sensor roof_lidar" in text
     assert "1 of 2 met" in text
+
+
+def test_a_covariance_is_a_number_and_a_word_in_latex(compared: Comparison) -> None:
+    (table,) = (table for table in comparison_document(compared).tables if table.name == "nees")
+    assert "first & 4.1 (right) & 4.1 (right) & 4.1 (right) &" in table_to_latex(table)
 
 
 def test_json(compared: Comparison) -> None:

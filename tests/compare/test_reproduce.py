@@ -28,6 +28,7 @@ def test_the_printed_commands_make_the_same_comparison_again(cli: Cli, tmp_path:
     commands = tb.compare("a/scene", "b b/scene", trackers=["kf"], metrics=["velocity_rmse"]).commands
     assert "Reproduce\n" in printed
     assert commands[-1] == "trackbench compare a/scene 'b b/scene' --metric velocity_rmse --trackers kf"
+    assert tb.compare("a/scene", baseline="kf").commands[-1] == "trackbench compare a/scene --baseline kf"
     again = [shlex.split(command)[1:] for command in find_commands(printed)]
     assert [words[0] for words in again] == ["run", "run", "compare"]
     for words in again[:-1]:

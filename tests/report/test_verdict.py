@@ -49,8 +49,7 @@ BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
         ),
         (
             {(BEST, NEXT): "equivalent"},
-            "ukf_ctrv and ekf_ctrv are best{here} (position error 0.382 m and 0.385 m; no difference that matters, "
-            "within 5 mm)",
+            "ukf_ctrv and ekf_ctrv are best{here} (position error 0.382 m and 0.385 m; the same within 5 mm)",
         ),
         # Two that differ from each other are not called alike, though neither is shown to differ from the best.
         (

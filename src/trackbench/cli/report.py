@@ -163,7 +163,7 @@ def compare_command(
       0 compared, each limit shown to be kept   1 a limit is broken or undecided
       2 bad input or not comparable   4 cannot write
     """
-    from trackbench.compare import Limit, compare_results, find_results
+    from trackbench.compare import Limit, compare_results, find_sets
     from trackbench.document.files import require_ending
     from trackbench.document.terminal import print_document
     from trackbench.report.comparison.document import ENDINGS, comparison_document, comparison_files
@@ -178,8 +178,7 @@ def compare_command(
         if path is not None:
             results.require_file(path, key)
     names = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    sets = [find_results(path) for path in paths]
-    comparison = compare_results(sets, metrics=metrics, trackers=names, baseline=baseline, limits=parsed)
+    comparison = compare_results(find_sets(paths), metrics=metrics, trackers=names, baseline=baseline, limits=parsed)
     written = []
     for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)

@@ -169,6 +169,29 @@ def results_in(folder: Path, finished: Sequence[Result]) -> ResultSet:
     return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in finished))
 
 
+def find_sets(paths: Sequence[Path]) -> list[ResultSet]:
+    """Load the set of results at each path.
+
+    Raises:
+        InputError: as :func:`find_results`; or among several paths some are files or folders without results, such as
+            those that a shell's ``*`` names beside the results.
+    """
+    others = [path for path in paths if path.exists() and not _has_results(path)]
+    if others and len(paths) > 1:
+        raise InputError(f"leave out what is no result: {', '.join(map(str, others))}")
+    return [find_results(path) for path in paths]
+
+
+def _has_results(path: Path) -> bool:
+    if not path.is_dir():
+        return path.name == results.SUMMARY
+    return (path / results.SUMMARY).is_file() or bool(_folders_of_runs(path))
+
+
+def _folders_of_runs(folder: Path) -> list[Path]:
+    return sorted(file.parent for file in folder.glob(f"[!.]*/{results.SUMMARY}"))
+
+
 def find_results(path: Path) -> ResultSet:
     """Load the result in the folder of a run, or all results in the subfolders of a folder.
 
@@ -177,7 +200,7 @@ def find_results(path: Path) -> ResultSet:
     """
     folders = [path]
     if path.is_dir() and not (path / results.SUMMARY).is_file():
-        folders = sorted(file.parent for file in path.glob(f"[!.]*/{results.SUMMARY}")) or [path]
+        folders = _folders_of_runs(path) or [path]
         for file, _ in offered("documents"):
             if (path / file).is_file():
                 raise InputError(f"{kind_of_file(file)} is not compared; `trackbench report` shows it", file=path)

@@ -96,7 +96,7 @@ def _text(item: PairDifference, limit: Limit, outcome: GateOutcome) -> str:
         low, high = item.percent_ci95
         reach = f" (95 %: {low:+.1f} to {high:+.1f} %)"
     # Beside an undecided limit, a verdict on the margin would answer another question.
-    word = "" if outcome == "undecided" else f", {item.verdict}"
+    word = f", {item.verdict}" if outcome != "undecided" and item.verdict in ("better", "worse") else ""
     return f"{item.percent:+.1f} %{reach}{word}; {allowed}"
 
 

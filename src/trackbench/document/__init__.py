@@ -67,6 +67,8 @@ class Cell:
     """Whether an HTML page shows the text, a verdict, as a coloured label."""
     bar: tuple[float, float, float] | None = None
     """Value, lower and upper end of its interval, which an HTML page draws as a bar; None for no bar."""
+    brief: str = ""
+    """Short form of the details, for a LaTeX table; empty for the details themselves."""
 
 
 #: An axis cuts off values more than this many times the lower median.

@@ -40,4 +40,5 @@ def table_to_latex(table: Table) -> str:
 
 
 def _text(cell: Cell) -> str:
-    return typeset(f"{cell.text} ({', '.join(cell.details)})" if cell.details else cell.text)
+    details = cell.brief or ", ".join(cell.details)
+    return typeset(f"{cell.text} ({details})" if details else cell.text)

@@ -12,6 +12,15 @@ from trackbench.results import ConditionScores, MetricValue
 #: Size of a covariance beside the errors, by the verdict on the mean NEES.
 SIZE = {"consistent": "about right", "optimistic": "too small", "pessimistic": "too large"}
 OUTLIERS = "outliers"
+#: Shortest form of a verdict on a covariance, for tables in print.
+BRIEF = {
+    "consistent": "right",
+    "optimistic": "too small",
+    "pessimistic": "too large",
+    "heavy-tailed": OUTLIERS,
+    "mixed": "mixed",
+    "undecided": "not shown",
+}
 #: Factor between the mean NEES and its degrees of freedom from which on a covariance is much too small or too large.
 MUCH = 2.0
 #: Factor from which on the size of a covariance looks wrong, if few runs leave the mean NEES undecided.

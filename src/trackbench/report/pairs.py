@@ -131,12 +131,12 @@ def standing(result: Result) -> Standing:
     margin, names = margin_words(pairs.margins), [tracker.name for tracker in result.contenders if tracker.paired]
     if score.against is None:
         heading = short = "group"
-        meaning = f"trackers that share a letter are not shown to differ by more than {margin}"
+        meaning = f"trackers that share a letter are the same, or not shown to be better by more than {margin}"
         cells = group_letters(names, pairs.differ)
         if pairs.unjudged:
             meaning, cells = pairs.unjudged, {}
     else:
-        words = {name: pair.verdict for name in names if (pair := pairs.get(name, score.against))}
+        words = {name: difference_word(pair.verdict) for name in names if (pair := pairs.get(name, score.against))}
         heading, short, cells = f"against {score.against}", "against", {score.against: "baseline", **words}
         meaning = f"better or worse than {score.against}: shown to differ by more than {margin}"
     if score.best is not None:

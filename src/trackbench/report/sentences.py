@@ -164,7 +164,7 @@ NAMED = 3
 def verdict_of_run(result: Result) -> str:
     """Return the answer of a run in one line: what went wrong, and which tracker is best, how surely.
 
-    For example "highway: imm_three has the smallest position error, 0.0708 m; equivalent to imm_cv_ca within 5 mm; all
+    For example "highway: imm_three has the smallest position error, 0.0708 m; the same as imm_cv_ca within 5 mm; all
     8 expectations met".
     """
     expectations = result.summary.expectations

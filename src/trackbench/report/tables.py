@@ -23,7 +23,7 @@ from trackbench.report.numbers import (
     short,
     signed,
 )
-from trackbench.report.pairs import Pair, Pairs, standing
+from trackbench.report.pairs import Pair, Pairs, difference_word, standing
 from trackbench.results import MetricValue, Result, TrackerResult
 
 INTERVAL = "95 % interval"
@@ -282,7 +282,7 @@ def _difference(pair: Pair | None, places: int) -> Cell:
     if pair is None:
         return Cell(NOT_AVAILABLE, reason="the pair was not compared")
     reach = reach_text(pair.value, pair.ci95, places)
-    return Cell(signed(pair.value, places), tuple(filter(None, (pair.verdict, reach))))
+    return Cell(signed(pair.value, places), tuple(filter(None, (difference_word(pair.verdict), reach))))
 
 
 def expectation_table(result: Result) -> Table:

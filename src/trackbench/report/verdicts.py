@@ -6,9 +6,8 @@ ANSWERS = {
     "no truth": "no truth, so {trackers} without a ranking",
     "alone": "{over}{best} has a {what} of {error}",
     "not judged": "{over}{best} has the smallest {what}, {error}; {why}",
-    "best alike": "{over}{names} are best{here} ({what} {errors}; no difference that matters, {within})",
-    "equivalent": "{over}{best} has the smallest {what}, {error}; no difference that matters, {within}, to {whom}"
-    "{here}",
+    "best alike": "{over}{names} are best{here} ({what} {errors}; the same {within})",
+    "equivalent": "{over}{best} has the smallest {what}, {error}; the same as {whom} {within}{here}",
     "not shown better": "{over}{best} has the smallest {what}, {error}; not shown better than {whom}{here}",
     "shown better": "{over}{best} is best{here}: {what} {error}, shown better than {whom}",
 }
@@ -21,8 +20,8 @@ EXPECTATIONS = {
 }
 #: How sure the verdicts of a run are.
 CERTAINTY = {
-    "all pairs": "Better and worse: a difference beyond the margin, {margin}, is shown; equivalent: shown to be "
-    "within it. The risk that any pair is called so wrongly is 5 % (Holm, {pairs}).",
+    "all pairs": "Better and worse: a difference beyond the margin, {margin}, is shown; same: shown to be within it; "
+    "not shown: neither. The risk that any pair is called so wrongly is 5 % (Holm, {pairs}).",
     "best of many": "The risk is 5 % that any tracker as good as the best is called worse than {best}, which was "
     "chosen from the same data; the margin is {margin}.",
     "undrawn": "{scenes} scenes may all miss a kind of scene that makes up {share} of all scenes: an order would be "
@@ -64,7 +63,7 @@ NEXT = {
 #: Which tracker is ahead in a comparison, and how surely.
 COMPARED = {
     "best": "{best} has the {end}, {value}. Next is {following}: {word}.",
-    "worse": "Shown to be worse: {listed}.",
+    "worse": "Worse: {listed}.",
     "nobody ahead": "No tracker is shown to be ahead over {over}: beside {than}, the {what} of {subject} is {change}.",
     "ahead of next": "{best} is ahead over {over}: the {what} of {other}, the next, is {change}.",
     "ahead of baseline": "{best} is ahead over {over}: its {what} is {change} than that of {other}, the baseline.",

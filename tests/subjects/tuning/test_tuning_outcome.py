@@ -40,7 +40,7 @@ def tuning() -> Tuning:
     ("verdict", "text"),
     [
         ("better", "better than the start"),
-        ("undecided", "no difference from the start is shown: a gain may be noise"),
+        ("undecided", "not shown to be better or worse than the start: a gain may be noise"),
         ("worse", "worse than the start"),
     ],
 )

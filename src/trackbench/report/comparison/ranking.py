@@ -9,7 +9,7 @@ from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
-from trackbench.metrics.covariance_words import verdict_in_words
+from trackbench.metrics.covariance_words import BRIEF, verdict_in_words
 from trackbench.metrics.verdicts import mean_text
 from trackbench.report.comparison.figures import competitors, ranked_label
 from trackbench.report.comparison.over_scenarios import scenario_table, who_is_ahead
@@ -111,7 +111,8 @@ def _nees_cell(score: EntrantScore, _: int) -> Cell:
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
     assert nees.value is not None
-    return Cell(mean_text(nees.value), (verdict_in_words(nees),), tone_of(nees))
+    words, brief = verdict_in_words(nees), BRIEF[nees.verdict]
+    return Cell(mean_text(nees.value), (words,), brief=brief, tone=tone_of(nees))
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:

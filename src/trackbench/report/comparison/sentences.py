@@ -107,17 +107,16 @@ def differences_from(against: str, items: Sequence[PairDifference]) -> list[Pair
 
 
 def _best(comparison: Comparison, best: str, items: Sequence[PairDifference]) -> str:
-    """Return a sentence: the best tracker, how far the next competitor is behind, and which are shown to be worse."""
+    """Return a sentence: the best tracker, how far the next competitor is behind, and which others are worse."""
     differences, names = differences_from(best, items), [item.tracker for item in competitors(comparison)]
     behind = [item for item in differences if item.entrant.tracker in names] or differences
     following = behind[0]
-    words = {"worse": "shown to be worse", EQUIVALENT: "no difference that matters"}
     text = COMPARED["best"].format(
         best=best,
         end="smallest" if _better_sign(comparison, items) == 1.0 else "largest",
         value=f"{short(following.reference, difference_decimals(behind))}{unit_after(following.unit)}",
         following=_changed(following.entrant.tracker, behind, following),
-        word=words.get(following.verdict, "not shown to be worse"),
+        word=difference_word(following.verdict),
     )
     worse = [item for item in behind[1:] if item.verdict == "worse"]
     listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
@@ -136,7 +135,7 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
             same = sum(item.identical for item in changes)
             number = "" if same == len(changes) else f"{same} "
             listed = f"{len(changes)}{f' ({number}the same in every run)' if same else ''}"
-        parts += [f"{difference_word(verdict)}{' to differ' * (verdict == UNDECIDED)}: {listed}"] if changes else []
+        parts += [f"{difference_word(verdict)}: {listed}"] if changes else []
     return f"{'; '.join(parts)}."
 
 

@@ -94,7 +94,7 @@ def envelope_command(
     """Map where trackers meet their requirement.
 
     The scenario's envelope: block says what is varied, its expect: block what is required. Each cell of the map
-    holds, fails or is undecided. An interrupted map goes on where it was.
+    holds, fails or is not shown to do either. An interrupted map goes on where it was.
 
     \b
     Examples:

@@ -48,7 +48,7 @@ def base_of(claim: Claim, tracker: str) -> BasePoint:
     holding = [cell for cell in claim.cells if cell.trackers[tracker].state == "holds"]
     if state == "holds" or not holding:
         return BasePoint(tracker=tracker, point=list(scenario_point), note="")
-    what = "fails" if state == "fails" else "is undecided"
+    what = "fails" if state == "fails" else "is not shown to hold or to fail"
     note = f"the scenario {what}: distances are from the nearest cell that holds"
     return BasePoint(tracker=tracker, point=list(_nearest(axes, scenario_point, holding).at), note=note)
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from trackbench.base.errors import InputError, counted
 from trackbench.metrics.intervals import Interval
 from trackbench.report.junit import Case, Suite
+from trackbench.report.pairs import difference_word
 from trackbench.subjects.envelope.axes import Point
 from trackbench.subjects.envelope.bounds import interval_difference
 from trackbench.subjects.envelope.cells import decide
@@ -102,7 +103,7 @@ class EnvelopeDiff:
                 f"{item.tracker} at {item.place} holds as before",
                 f"{self.after.scenario}.{item.tracker}",
                 words.get(item.outcome, "passed") if item.before == "holds" else "passed",  # type: ignore[arg-type]
-                f"{item.before} before, {item.after} after: {item.text}",
+                f"{difference_word(item.before)} before, {difference_word(item.after)} after: {item.text}",
             )
             for item in self.changes
         ]

@@ -78,8 +78,8 @@ def _figure(
     return tracker_figure(
         f"line-{axis.name}-{metric.partition(',')[0]}".replace("_", "-").replace(".", "-").replace(" ", "-"),
         f"{metric.partition(',')[0]} over {axis.name}",
-        "Each bar reaches between the bounds by which the cell is decided; undecided cells have a hollow dot. Shaded: "
-        f"the band of the border.{at}",
+        "Each bar reaches between the bounds by which the cell is decided; those not shown to do "
+        f"either have a hollow dot. Shaded: the band of the border.{at}",
         f"{metric} over {axis.name}, with the limit",
         paint,
         _HEIGHT * len(places) + 30,

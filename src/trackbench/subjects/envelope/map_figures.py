@@ -67,9 +67,9 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
     counts = claim.counts(style.name)
     required = " and ".join(limit.text for limit in claim.limits_of(style.name))
     caption = (
-        f"{required}. Cells that hold are dots, those that fail crosses, undecided ones rings; the small ones were "
-        "added near the border. Only the cells are claimed. An area between three cells has their colour if they are "
-        "alike; else it is grey, and the border in it is interpolated."
+        f"{required}. Cells that hold are dots, those that fail crosses, those not shown to do either rings; "
+        "the small ones were added near the border. Only the cells are claimed. An area between three cells has their "
+        "colour if they are alike; else it is grey, and the border in it is interpolated."
     )
     return Figure(
         f"map-{_file(style.name)}-{_names(parts)}",
@@ -77,7 +77,7 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
         caption + left_out,
         f"Map of {style.name} over {parts[0].across.name} and {parts[0].up.name}: it "
         + ", ".join(f"{state} in {counted(counts[state], 'cell')}" for state in ("holds", "fails"))
-        + f", {counts['undecided']} undecided",
+        + f", {counts['undecided']} not shown",
         paint,
         _height(parts),
         legend=tuple(legend),
@@ -106,7 +106,7 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
         f"borders-{_names(parts)}",
         f"Borders over {parts[0].across.name} and {parts[0].up.name}",
         "Where each tracker stops meeting its requirement, interpolated; the band is the area between cells that are "
-        "not alike or are undecided." + left_out,
+        "not alike or are not shown to hold or to fail." + left_out,
         f"The borders of {counted(len(styles), 'tracker')} over {parts[0].across.name} and {parts[0].up.name}",
         paint,
         _height(parts),
@@ -117,10 +117,10 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
 
 def _no_border_remark(states: Sequence[State]) -> str:
     """Return a remark on a slice without a border; empty where cells hold and fail but lie on one line."""
-    words = {"holds": "all hold", "fails": "none holds", "undecided": "not decided"}
+    words = {"holds": "all hold", "fails": "none holds", "undecided": "not shown"}
     if len(distinct := set(states)) == 1:
         return words[states[0]]
-    return "" if {"holds", "fails"} <= distinct else "not all decided"
+    return "" if {"holds", "fails"} <= distinct else "not all shown"
 
 
 def _nearest_slices(claim: Claim, pair: tuple[int, int]) -> tuple[list[Slice], str]:

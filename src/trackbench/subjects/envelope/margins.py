@@ -213,7 +213,7 @@ def border(axis: MapAxis, crossing: Crossing) -> str:
 
 
 def undecided(margin: AxisMargin) -> str:
-    """Return as text where cells outside the bands are undecided; empty where there are none."""
+    """Return as text where cells outside the bands are not shown to hold or fail; empty where there are none."""
     spans = []
     outside = {
         value: state == "undecided" and not any(item.low < value < item.high for item in margin.crossings)
@@ -224,7 +224,7 @@ def undecided(margin: AxisMargin) -> str:
         if is_open:
             start = f"{_number(values[0])} to " if len(values) > 1 else ""
             spans.append(f"{start}{margin.axis.shown(values[-1])}")
-    return f"undecided at {', '.join(spans)}" if spans else ""
+    return f"not shown at {', '.join(spans)}" if spans else ""
 
 
 def place_of_line(margin: AxisMargin) -> str:

@@ -23,6 +23,7 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.document.palette import tracker_styles
+from trackbench.report.pairs import difference_word
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, Envelope, State, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_section
 from trackbench.subjects.envelope.margins import holding, margins, place_of_line, undecided
@@ -72,7 +73,7 @@ def _state_cell(claim: Claim, cell: ClaimCell, tracker: str) -> Cell:
     ]
     details += [tracker_state.cause] if tracker_state.cause else []
     details.append(f"{tracker_state.scenes} x {tracker_state.runs} runs")
-    return Cell(tracker_state.state, details=tuple(details), tone=TONES[tracker_state.state])
+    return Cell(difference_word(tracker_state.state), details=tuple(details), tone=TONES[tracker_state.state])
 
 
 #: Largest number of pairs of axes that have figures, since a page with more is too long to read.
@@ -80,10 +81,10 @@ _MOST_PAIRS = 6
 
 
 def headlines(claim: Claim) -> Iterator[str]:
-    """Yield a sentence per tracker: in how many cells its requirement holds and fails, and the undecided share."""
+    """Yield a sentence per tracker: in how many cells its requirement holds and fails, and the share not shown."""
     for tracker in claim.trackers:
         counts, total = claim.counts(tracker), len(claim.cells)
-        share = f"{100 * counts['undecided'] / total:.0f} % undecided"
+        share = f"{100 * counts['undecided'] / total:.0f} % not shown"
         yield (
             f"{tracker}: {claim.required_of(tracker)} holds in {counts['holds']} of {counted(total, 'cell')}, "
             f"fails in {counts['fails']}, {share}"

@@ -17,8 +17,8 @@ _PAGES = {
     "cell": (
         (
             "in a map",
-            "A point that was run, and is holds, fails or undecided. Runs are added until it is decided or its budget "
-            "is spent; new cells are put between neighbours that differ.",
+            "A point that was run, and holds, fails or is not shown to do either, in files undecided. Runs are added "
+            "until it is decided or its budget is spent; new cells are put between neighbours that differ.",
         ),
     ),
     "margin": (

@@ -32,8 +32,8 @@ def map_blocks(claim: Claim, tracker: str) -> Iterator[Block]:
 def text_map(claim: Claim, tracker: str) -> str:
     """Return a map with a character for each cell, on the slice nearest to the scenario.
 
-    "#" holds, "x" fails, "?" is undecided; the cell nearest to the scenario is in brackets. Empty with fewer than two
-    axes of numbers.
+    "#" holds, "x" fails, "?" is not shown to do either; the cell nearest to the scenario is in brackets. Empty with
+    fewer than two axes of numbers.
     """
     pair = next(combinations([i for i, axis in enumerate(claim.axes) if axis.ordered], 2), None)
     if pair is None:
@@ -56,6 +56,6 @@ def text_map(claim: Claim, tracker: str) -> str:
 
     rows = [f"{labels[y]:>{width}} {''.join(mark(x, y) for x in across)}" for y in reversed(up)]
     ends = f"{across[0]:.3g}".ljust(max(3 * len(across) - len(f"{across[-1]:.3g}"), 4)) + f"{across[-1]:.3g}"
-    key = "# holds  x fails  ? undecided" + "  [ ] the scenario" * (marked is not None)
+    key = "# holds  x fails  ? not shown" + "  [ ] the scenario" * (marked is not None)
     head = f"{tracker}: {part.up.name}, {part.up.unit or '1'}, over {part.across.name}, {part.across.unit or '1'}"
     return "\n".join([head, *rows, f"{'':>{width}} {ends}", key])

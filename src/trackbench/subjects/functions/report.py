@@ -137,7 +137,7 @@ def smallest_delays(result: Result) -> Iterator[str]:
             names, values = zip(*_not_shown_worse(result, f"warn_error.{label}", errors), strict=True)
             who = "all trackers" if len(names) == len(contenders) > 1 else some_names(names)
             ends = dict.fromkeys(rounded(end, decimals(values[:1], 2)) for end in (values[0], values[-1]))
-            unlike = ", not shown to differ" if values[0] < values[-1] else ""
+            unlike = ", same or not shown" if values[0] < values[-1] else ""
             closest.setdefault((who, unlike), []).append(f"{' to '.join(ends)} s ({label})")
     if closest:
         texts = [f"{who} {joined_names(delays)}{unlike}" for (who, unlike), delays in closest.items()]

@@ -58,7 +58,7 @@ def score_command(
     """Score tracks of a file against boxes of another.
 
     Several files of tracks are compared with each other. Columns are known by
-    usual names, which are shown. The scenario is written into DIR too. A
+    usual names, which are shown. The scenario is written beside the result's folder. A
     folder of boxes holds several sequences, and a folder of tracks one tracker's,
     in files of the same names; intervals rest on five sequences or more.
 

@@ -24,10 +24,10 @@ from trackbench.subjects.suite.suite import Suite
 #: Files of an entry's scenario of which a page opens the first that is there.
 OPENED = ("recording.rrd", "report.html")
 MEANING = (
-    "Below, trackers that share a letter are not shown to differ by more than the margin. A scenario is judged at 5 % "
-    "over all pairs of the trackers entered here (Holm), so that more entries may join groups. A name opens the entry, "
-    "and the first number its recording or its report. Small print: 95 % intervals, and how large a covariance is. "
-    "Whether an entry holds is checked by its command `trackbench suite verify`, not by this page."
+    "Below, trackers that share a letter are the same, or not shown to be better by more than the margin. A scenario is "
+    "judged at 5 % over all pairs of the trackers entered here (Holm), so that more entries may join groups. A name "
+    "opens the entry, and the first number its recording or its report. Small print: 95 % intervals, and how large a "
+    "covariance is. Whether an entry holds is checked by its command `trackbench suite verify`, not by this page."
 )
 
 
@@ -65,12 +65,12 @@ def overview_table(merged: MergedEntries) -> Table:
         alike = [other for other in others if other not in worse]
         score = str(result[first].metrics[result.summary.headline])
         rows.append(tuple(map(Cell, (name, first, score, ", ".join(alike), ", ".join(worse)))))
-    headings = ("scenario", "best", "position RMSE or T-GOSPA", "not shown to differ", "shown to be worse")
+    headings = ("scenario", "best", "position RMSE or T-GOSPA", "same or not shown", "worse")
     return Table("overview", tuple(Column(each, left=True) for each in headings), tuple(rows))
 
 
 def _scenario_section(merged: MergedEntries, name: str, folder: Path) -> Section:
-    """Return a scenario's section: a table of trackers by rank, with metrics and groups not shown to differ."""
+    """Return a scenario's section: a table of trackers by rank, with metrics and letters of groups."""
     scenario, result = merged.suite.scenarios[name], merged.results[name]
     places = {stored.entry.tracker.name: stored.folder for stored in merged.entries}
     trackers = [result[tracker] for tracker in result.summary.ranking]

@@ -9,6 +9,7 @@ from typing import Literal
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
 from trackbench.report.numbers import joined_names, rounded
+from trackbench.report.pairs import difference_word
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import trials_figure
 from trackbench.subjects.tuning.held_out import MeasureComparison
@@ -22,8 +23,8 @@ Tone = Literal["good", "warn", "bad"]
 _VERDICTS: dict[str, tuple[str, Tone]] = {
     "better": ("better than the start", "good"),
     "worse": ("worse than the start", "bad"),
-    "equivalent": ("no better than the start: the difference is within the margin", "good"),
-    "undecided": ("no difference from the start is shown: a gain may be noise", "warn"),
+    "equivalent": ("the same as the start, within the margin", "good"),
+    "undecided": ("not shown to be better or worse than the start: a gain may be noise", "warn"),
 }
 
 
@@ -44,7 +45,7 @@ def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
     if len(verdicts) == 1:
         text, tone = _VERDICTS[verdicts[0]]
         return f"{values}: {text}", tone
-    counts = ", ".join(f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts)
+    counts = ", ".join(f"{difference_word(word)} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts)
     tone = "bad" if "worse" in verdicts else "good" if "better" in verdicts else "warn"
     return f"{values}: of {len(verdicts)} scenarios {counts}", tone
 
