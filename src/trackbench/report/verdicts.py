@@ -66,7 +66,8 @@ COMPARED = {
     "worse": "Worse: {listed}.",
     "nobody ahead": "No tracker is shown to be ahead over {over}: beside {than}, the {what} of {subject} is {change}.",
     "ahead of next": "{best} is ahead over {over}: the {what} of {other}, the next, is {change}.",
-    "ahead of baseline": "{best} is ahead over {over}: its {what} is {change} than that of {other}, the baseline.",
+    "ahead of baseline": "{best} has the smallest errors over {over}: its {what} is {change} than that of {other}, the "
+    "baseline.",
     "not known how sure": "It is not known how sure this is.",
     "not known who": "It is not known who is ahead over {over}: in some of them {best} or {other} has no score, or an "
     "error of 0.",
