@@ -482,7 +482,7 @@ def test_a_comparison_is_kept_and_loaded(keep: Keep, versions: tuple[Path, Path]
     assert found.scores[0].value("step_time") is not None
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"schema_version": 1}', '{"schema_version": 4}', "[" * 100_000])
+@pytest.mark.parametrize("text", ["", "[]", '{"schema_version": 1}', '{"schema_version": 5}', "[" * 100_000])
 def test_what_is_no_comparison_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     file = tmp_path / "comparison.json"
     file.write_text(text, encoding="utf-8")

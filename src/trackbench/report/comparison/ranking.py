@@ -111,7 +111,7 @@ def _nees_cell(score: EntrantScore, _: int) -> Cell:
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
     assert nees.value is not None
-    words, brief = verdict_in_words(nees), BRIEF[nees.verdict]
+    words, brief = verdict_in_words(nees), BRIEF.get(nees.verdict, "")
     return Cell(mean_text(nees.value), (words,), brief=brief, tone=tone_of(nees))
 
 

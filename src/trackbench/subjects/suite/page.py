@@ -24,8 +24,8 @@ from trackbench.subjects.suite.suite import Suite
 #: Files of an entry's scenario of which a page opens the first that is there.
 OPENED = ("recording.rrd", "report.html")
 MEANING = (
-    "Below, trackers that share a letter are the same, or not shown to be better by more than the margin. A scenario is "
-    "judged at 5 % over all pairs of the trackers entered here (Holm), so that more entries may join groups. A name "
+    "Below, trackers that share a letter are the same, or not shown to be better by more than the margin. A scenario "
+    "is judged at 5 % over all pairs of the trackers entered here (Holm), so that more entries may join groups. A name "
     "opens the entry, and the first number its recording or its report. Small print: 95 % intervals, and how large a "
     "covariance is. Whether an entry holds is checked by its command `trackbench suite verify`, not by this page."
 )
