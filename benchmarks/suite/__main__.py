@@ -71,8 +71,9 @@ def readme(merged: MergedEntries, times: dict[str, int]) -> Document:
     blocks.append(Section("Who the trackers are", (Paragraph(BUILT_IN), *_trackers(merged, times))))
     blocks.append(Section("Cite the suite", (Code(bibtex(merged.suite), "bibtex"),)))
     lead = (
-        "Trackers that share a letter are not shown to differ by more than the margin. In brackets: 95 % intervals; "
-        "where missing estimates are charged, the error of the given ones. Not ranked: too many missing."
+        "Trackers that share a letter are the same, or not shown to be better by more than the margin. In brackets: "
+        "95 % intervals; where missing estimates are charged, the error of the given ones. Not ranked: too many "
+        "missing."
     )
     return Document("suite", f"First entries of {SUITE}", tuple(blocks), lead=lead)
 
