@@ -52,6 +52,9 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, isol
     path, hash_sign, name = tracker.rpartition("#")
     if not hash_sign or not path or not name:
         raise InputError(f"write SCENARIO#NAME, not {tracker!r}", key="--tracker")
+    if not host:
+        # An empty address would be every address of this machine.
+        raise InputError("is empty", key="--host")
     try:
         from trackbench.subjects.serve.server import serve_udacity
     except ModuleNotFoundError:
