@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from trackbench.base.subjects import collected
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
-from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
 from trackbench.report.conditions import condition_tables, consistency_table
 from trackbench.report.figures.over_time import errors_over_time, gospa_over_time
-from trackbench.report.first_screen import first_screen, picture, trackers_in_picture
-from trackbench.report.moments import events_section, moments_section, worst_moments
+from trackbench.report.first_screen import first_screen, picture
+from trackbench.report.moments import causes_table
 from trackbench.report.numbers import margin_words
 from trackbench.report.pairs import Pairs, standing
 from trackbench.report.scenes import (
@@ -36,11 +35,9 @@ def result_document(result: Result) -> Document:
     trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
     styles = tracker_styles(result.places)
     shown = [styles[tracker.name] for tracker in result.drawn]
-    labelled = summary.truth.known and summary.identities == "known"
-    moments = worst_moments(result) if labelled else {}
     blocks = [
-        Section("Verdict", tuple(first_screen(result, trackers, picture(result, shown, moments)))),
-        *_sections(result, shown, moments),
+        Section("Verdict", tuple(first_screen(result, trackers, picture(result)))),
+        *_sections(result, shown),
         *([] if summary.passed else [Section("Expectations", tuple(_expectations(result)))]),
         _truth_and_sensors(result),
         Section("How to reproduce it", tuple(_reproduction(result)), True),
@@ -49,9 +46,7 @@ def result_document(result: Result) -> Document:
     return Document("report", name, tuple(blocks), description, facts(result, trackers), tuple(shown))
 
 
-def _sections(
-    result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
-) -> Iterator[Section]:
+def _sections(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
     """Yield the sections of the report between its first screen and the expectations."""
     summary, scored = result.summary, result.scored
     if not summary.truth.known:
@@ -68,12 +63,11 @@ def _sections(
     yield from collected("sections", result, shown)
     if summary.identities == "known":
         yield from _section("Over time", errors_over_time(result, shown))
-        yield from moments_section(result, moments, trackers_in_picture(result, shown))
         yield from _section("By manoeuvre and range", *condition_tables(result), folded=True)
         yield Section("Consistency", (consistency_table(result),), folded=True)
     else:
         yield from _section("Over time", gospa_over_time(result, shown))
-        yield from events_section(result)
+        yield from _section("What costs most in all runs", causes_table(result))
         for title, paths in tables.TRACK_GROUPS.items() if scored else ():
             caption = ""
             if title == tables.MATCHED:

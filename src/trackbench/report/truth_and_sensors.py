@@ -130,7 +130,7 @@ def sensor_table(result: Result) -> Table:
         ),
         (Column("kind", left=True), [Cell(sensor.kind) for sensor in sensors]),
         (Column("rate, Hz"), [Cell(f"{s.rate_hz:.4g}") if s.rate_hz is not None else single for s in sensors]),
-        (Column("noise", noise, left=True), [Cell(sensor.noise) for sensor in sensors]),
+        (Column("noise", noise, left=True), [Cell(sensor.noise_in_words) for sensor in sensors]),
         (
             Column("field of view, deg", "horizontal, centred on the boresight"),
             [Cell(f"{sensor.fov_deg:g}") for sensor in sensors],
