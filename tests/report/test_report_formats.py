@@ -80,7 +80,7 @@ def document(painter: Painter) -> Document:
         (
             Paragraph("ekf_cv is the best.", strong=True),
             Status("1 of 2 failed", "bad"),
-            Items((Item(HOSTILE, "ekf_cv", "small print", "ekf_cv"), Item("it failed", "mine", tone="bad")), True),
+            Items((Item(HOSTILE, "ekf_cv", "small print"), Item("it failed", "mine", tone="bad"))),
             TABLE,
         ),
     )

@@ -160,8 +160,6 @@ class Figure:
     """Function that draws the content on an empty matplotlib figure."""
     height: float
     """Height of the figure, pixels."""
-    width: float | None = None
-    """Width of the figure, pixels; None for the width of a column of text."""
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
     """Tooltips by the gid of a matplotlib artist."""
@@ -194,17 +192,14 @@ class Item:
     """Subject of the entry, shown before the text."""
     detail: str = ""
     """Small print after the text."""
-    tracker: str = ""
-    """Name of the tracker, if the label is its name; else empty."""
     tone: Tone = ""
 
 
 @dataclass(frozen=True)
 class Items:
-    """Bulleted or numbered list."""
+    """Bulleted list."""
 
     items: tuple[Item, ...]
-    numbered: bool = False
 
 
 @dataclass(frozen=True)

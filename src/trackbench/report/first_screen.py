@@ -29,7 +29,7 @@ from trackbench.report.moments import moment_text, worst_moments
 from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.replay import replay_of_run
-from trackbench.report.sentences import answer_of_run, divergence, expectations_met, listing_note, value_and_limit
+from trackbench.report.sentences import answer_of_run, divergence, expectations_met, value_and_limit, why_not_ranked
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.report.verdicts import NEXT
 from trackbench.results import MetricValue, Result, Summary, TrackerResult
@@ -76,11 +76,11 @@ def first_screen(result: Result, total: int, picture: Figure | None) -> Iterator
     if picture:
         yield picture
     if total > len(summary.trackers):
-        yield Paragraph(listing_note(summary, total))
+        listed = f"The first {len(summary.trackers):,} of {total:,} trackers are listed here"
+        yield Paragraph(f"{listed}; result.json and the tables in Parquet have all of them.")
     if missing:
-        failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
-        numbers = tables.unranked_table(result)
-        yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
+        failures = [Item(why_not_ranked(result, tracker), tracker.name, tone="bad") for tracker in missing]
+        yield Section("Not ranked", (Items(tuple(failures)),))
 
 
 def next_step(result: Result) -> tuple[str, str]:
@@ -134,21 +134,18 @@ _FAILED = 3
 
 
 def at_a_glance(result: Result, total: int) -> Table:
-    """Return a small ranking: error and covariance verdict, best first, then trackers that are not ranked."""
-    trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
+    """Return a small ranking: error and covariance verdict, best first."""
+    trackers, path = result.drawn, result.summary.headline
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals(metric.value for metric in metrics)
     runs = result.summary.runs
     errors = [_barred(metric, places, divergence(t, runs)) for t, metric in zip(trackers, metrics, strict=True)]
-    errors += [Cell("") for _ in unscored]
-    verdicts = list(map(_judged, trackers))
-    verdicts += [Cell("failed" if tracker.failed else "not ranked", tone="bad", chip=True) for tracker in unscored]
     columns = [
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), errors),
-        (Column("covariance", "what the NEES says, by conditions too", left=True), verdicts),
+        (Column("covariance", "what the NEES says, by conditions too", left=True), list(map(_judged, trackers))),
     ]
     caption = f"The best {len(trackers)} of {total:,} trackers" if len(trackers) < len(result.scored) else ""
-    return tracker_table("at-a-glance", [*trackers, *unscored], columns, caption)
+    return tracker_table("at-a-glance", trackers, columns, caption)
 
 
 def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:

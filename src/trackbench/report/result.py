@@ -8,7 +8,6 @@ from trackbench.base.subjects import collected
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
-from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report import tables
 from trackbench.report.conditions import condition_tables, consistency_table
 from trackbench.report.figures.over_time import errors_over_time, gospa_over_time
@@ -38,7 +37,7 @@ def result_document(result: Result) -> Document:
     blocks = [
         Section("Verdict", tuple(first_screen(result, trackers, picture(result)))),
         *_sections(result, shown),
-        *([] if summary.passed else [Section("Expectations", tuple(_expectations(result)))]),
+        *([] if summary.passed else [Section("Expectations", (tables.expectation_table(result),))]),
         _truth_and_sensors(result),
         Section("How to reproduce it", tuple(_reproduction(result)), True),
     ]
@@ -52,8 +51,6 @@ def _sections(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section
     if not summary.truth.known:
         for title, (note, paths) in _WITHOUT_TRUTH.items():
             yield Section(title, (Paragraph(note), tables.track_table(title, scored, paths)))
-        missing = ", ".join(map(tables.metric_in_words, TRACK_METRICS))
-        yield Section("What cannot be told", (Paragraph(f"These need a truth: {missing}."),))
         return
     other_metrics = tables.other_metrics(result)
     if scored:
@@ -113,14 +110,6 @@ def _section(title: str, *blocks: Figure | Table | None, folded: bool = False) -
     """Yield a section with the blocks that are not None, side by side; yield nothing if all are None."""
     if present := tuple(block for block in blocks if block):
         yield Section(title, (Row(present),), folded)
-
-
-def _expectations(result: Result) -> Iterator[Block]:
-    yield tables.expectation_table(result)
-    if any(item.operator in ("below", "above") for item in result.summary.expectations):
-        yield Paragraph(
-            "“Below” and “above” compare the value with the limit, without its interval; “better than” is a test."
-        )
 
 
 def _truth_and_sensors(result: Result) -> Section:
