@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from trackbench.base.subjects import collected
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.palette import tracker_styles
-from trackbench.metrics.intervals import FEWEST_SCENES
+from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
 from trackbench.report import tables
 from trackbench.report.conditions import condition_tables, consistency_table
 from trackbench.report.figures.over_time import errors_over_time, gospa_over_time
@@ -18,7 +18,6 @@ from trackbench.report.pairs import Pairs, standing
 from trackbench.report.scenes import (
     ONE_RUN,
     basis_of_intervals,
-    missing_intervals,
     scene_blocks,
     undrawn_scenes,
     values_of_few_scenes,
@@ -101,7 +100,8 @@ def _ranking(result: Result) -> Section:
         kind = CERTAINTY["all pairs" if summary.score.best is None else "best of many"]
         note += " " + kind.format(margin=margin_words(pairs.margins), pairs=which, best=summary.score.best)
         listed += undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
-    listed += filter(None, [missing_intervals(result)])
+    reasons = {tables.metric_of(tracker, summary.headline).reason or "" for tracker in result.scored}
+    listed += sorted(text for text in reasons - {TOO_FEW_SCENES} if text.startswith(UNCALIBRATED))
     items = [Items(tuple(Item(f"{remark}.") for remark in listed))] if listed else []
     return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *items))
 
