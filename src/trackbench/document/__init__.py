@@ -160,6 +160,8 @@ class Figure:
     """Function that draws the content on an empty matplotlib figure."""
     height: float
     """Height of the figure, pixels."""
+    width: float | None = None
+    """Width of the figure, pixels; None for the width of a column of text."""
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
     """Tooltips by the gid of a matplotlib artist."""

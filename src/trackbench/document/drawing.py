@@ -129,11 +129,12 @@ def _saved(canvas: Canvas, kind: str) -> bytes:
 @contextmanager
 def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
     """Yield the drawn matplotlib figure; named colours and settings hold until the context ends."""
-    columns = _legend_columns(figure.legend) if legend and figure.legend else 0
+    width = figure.width or WIDTH
+    columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
     with _colours(colours), matplotlib.style.context(_STYLE, after_reset=True):
         canvas = Canvas(
-            figsize=(WIDTH / 72, height / 72), dpi=72, layout=ConstrainedLayoutEngine(h_pad=_PAD, w_pad=_PAD)
+            figsize=(width / 72, height / 72), dpi=72, layout=ConstrainedLayoutEngine(h_pad=_PAD, w_pad=_PAD)
         )
         figure.paint(canvas)
         # Lines and texts inside a panel need no margin; annotations, which stand beside a point, do.
@@ -143,7 +144,7 @@ def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Itera
         if is_placed_by_hand:
             canvas.set_layout_engine("none")
         if columns:
-            handles = [_handle(entry) for entry in figure.legend]
+            handles = [_handle(entry, width) for entry in figure.legend]
             canvas.legend(
                 handles=handles,
                 loc="lower left" if is_placed_by_hand else "outside lower left",
@@ -171,13 +172,13 @@ def _name_colours(colours: Mapping[str, str]) -> None:
         named_colours[name] = colour
 
 
-def _legend_columns(entries: tuple[LegendEntry, ...]) -> int:
+def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:
     longest = max(len(entry.label) for entry in entries)
-    return max(1, min(len(entries), int(WIDTH / (_LEGEND_LETTER * longest + 40))))
+    return max(1, min(len(entries), int(width / (_LEGEND_LETTER * longest + 40))))
 
 
-def _handle(entry: LegendEntry) -> Artist:
-    label = shortened_to_width(entry.label, WIDTH - 40, 10)
+def _handle(entry: LegendEntry, width: float) -> Artist:
+    label = shortened_to_width(entry.label, width - 40, 10)
     if entry.mark == "band":
         return Patch(color=entry.colour, alpha=0.35, label=label)
     if entry.mark == "box":
