@@ -53,6 +53,9 @@ ADDED: dict[str, str] = {
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
     "*trackers[*].time_offset": "of tracks that were made elsewhere",
     "*trackers[*].conditions*": "the scores by condition, in one level",
+    "*trackers[*].use*": "a tracker that is not built in, as the scenario names it",
+    "*sensors.*.sigmas*": "noise by component, in place of a text",
+    "*steps.parquet:recorded_gospa_m": "GOSPA of the recorded run, which the report computed again",
 }
 #: Old path that the new commit does not have: why.
 REMOVED: dict[str, str] = {

@@ -9,7 +9,6 @@ from rich.console import Console
 
 from trackbench.report.console import print_summary
 from trackbench.report.sentences import answer_of_run, below_the_bound
-from trackbench.report.tables import unranked_table
 from trackbench.results import MetricValue, Result
 
 BEATS = "beats the Cramér-Rao bound: it knows more than its measurements say"
@@ -30,9 +29,6 @@ def test_one_that_beats_a_true_bound_is_said_first_and_is_not_ranked(tiny_result
     assert [tracker.name for tracker in result.scored] == ["raw"]
     assert answer_of_run(result).startswith(f"ekf {BEATS}; raw has ")
     assert not below_the_bound(result)
-    numbers = unranked_table(result)
-    assert numbers is not None
-    assert [row[0].tracker for row in numbers.rows] == ["ekf"]
     error = result["ekf"].position_rmse.value
     assert error is not None
     text = printed(result)

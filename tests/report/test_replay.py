@@ -19,6 +19,7 @@ from trackbench.document.packed_replay import LIMIT, POSITION, SIGMAS, TIME, pac
 from trackbench.document.palette import TRUTH_COLOUR
 from trackbench.document.replay import ReplayScene
 from trackbench.metrics.recorded_run import EstimateMoment
+from trackbench.report.first_screen import picture
 from trackbench.report.moments import worst_moments
 from trackbench.report.result import result_document
 from trackbench.results import Result
@@ -94,6 +95,14 @@ def test_what_a_page_has_is_the_result_to_the_quantum(result: Result, scene: Rep
     (rows,) = (rows for (name,), rows in split(result.tables.estimates, "tracker").items() if name == "ekf_cv")
     largest = np.where(rows["due"] > 0, rows["position_error_m"], 0.0).reshape(-1, 3).max(axis=1)
     np.testing.assert_allclose(errors, largest[largest > 0], atol=1e-3)
+
+
+@pytest.mark.parametrize("use", ["my_tracker:Tracker", ("./my_tracker", "--q", "2"), "published"])
+def test_the_users_own_tracker_is_shown_at_first(result: Result, use: str | tuple[str, ...]) -> None:
+    best, own, *_, last = (tracker.name for tracker in result.filtering)
+    trackers = [t.model_copy(update={"use": use if t.name == own else None}) for t in result.summary.trackers]
+    shown = picture(result.updated(trackers=trackers)).replay.shown  # type: ignore[union-attr]
+    assert shown == ((best, last) if use == "published" else (best, own, last))
 
 
 def test_the_ellipse_of_a_radar_is_long_across_the_line_of_sight(scene: ReplayScene) -> None:

@@ -116,8 +116,8 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv has the smallest position error, 0.382 m; not shown better than ekf_ctrv in" in page.text
-    assert any(row[:2] == ["ekf_cv", "too large"] for row in page.rows)
-    assert any([*row[:2], row[-1]] == ["ekf_ctrv", "off in places", "turning 39.7, straight 2.9"] for row in page.rows)
+    assert any([row[0], row[-1]] == ["ekf_cv", "too large"] for row in page.rows)
+    assert any([row[0], row[-1]] == ["ekf_ctrv", "turning 39.7, straight 2.9"] for row in page.rows)
     assert "the tracker gives no covariance" in page.text
     assert "1 of 2 expectations of the scenario failed" in page.text
     rows = [[text.replace("\N{NO-BREAK SPACE}", " ") for text in row] for row in page.rows]

@@ -148,7 +148,7 @@ def make_summary() -> dict[str, Any]:
         "sensors": {
             "front_radar": {
                 "kind": "radar",
-                "noise": "range 0.3 m, azimuth 0.5 deg, range rate 0.1 m/s",
+                "sigmas": {"range_m": 0.3, "azimuth_deg": 0.5, "range_rate_mps": 0.1},
                 "fov_deg": 120.0,
                 "max_range_m": 150.0,
                 "rate_hz": 20.0,
@@ -157,7 +157,7 @@ def make_summary() -> dict[str, Any]:
             },
             "roof_lidar": {
                 "kind": "lidar",
-                "noise": "x 0.15 m, y 0.15 m",
+                "sigmas": {"x_m": 0.15, "y_m": 0.15},
                 "fov_deg": 360.0,
                 "max_range_m": None,
                 "rate_hz": 10.0,

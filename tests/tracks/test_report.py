@@ -15,6 +15,7 @@ from trackbench.document.drawing import figure_file
 from trackbench.document.files import document_text
 from trackbench.document.html import to_html
 from trackbench.metrics.function_events import events_of
+from trackbench.report.numbers import percent
 from trackbench.report.result import result_document
 from trackbench.report.tables import ranking_table
 from trackbench.results import Result
@@ -67,14 +68,13 @@ def test_a_metric_of_another_name_has_the_nearest(traffic_result: Result) -> Non
     assert traffic_result["gnn"].metrics.get("gopsa") is None
 
 
-def test_the_costliest_events_are_listed_with_the_commands_that_show_them(
-    document: Document, traffic_result: Result
-) -> None:
-    (table,) = (table for table in document.tables if table.name == "costliest-events")
-    (cost,) = (float(row[5].text) for row in table.rows if row[0].text == "naive")
-    assert cost == pytest.approx(max(event.cost_m2 for event in events_of(traffic_result, "naive", 0)), abs=0.06)
-    dearest = max(table.rows, key=lambda row: float(row[5].text))[0].text
-    assert f"trackbench view . --worst --tracker {dearest}" in document_text(document)
+def test_the_costliest_causes_have_their_share_of_the_cost(document: Document, traffic_result: Result) -> None:
+    (table,) = (table for table in document.tables if table.name == "causes")
+    events = [event for event in events_of(traffic_result, "naive") if event.cost_m2 > 0]
+    _, kind, why, times, share = next([cell.text for cell in row] for row in table.rows if row[0].text == "naive")
+    of_cause = [event.cost_m2 for event in events if (event.kind, event.cause) == (kind, why)]
+    assert int(times) == len(of_cause)
+    assert share == percent(sum(of_cause) / sum(event.cost_m2 for event in events))
 
 
 def test_a_failed_tracker_and_one_alone(failing_result: Result) -> None:

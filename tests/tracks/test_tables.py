@@ -21,7 +21,10 @@ TABLES = {
     "truth": {"object", "role", "time_s", "alive", "px_m", "heading_rad", "speed_mps", "yaw_rate_radps", "length_m"},
     "roads": {"line", "x_m", "y_m"},
     "differences": {"a", "b", "metric", "unit", "better", "verdict", "value", "ci95_low", "margin", "p_value"},
-    "steps": {"tracker", "time_s", "gospa_m", "gospa_localisation_m", "gospa_missed_m", "gospa_false_m"},
+    "steps": {
+        *("tracker", "time_s", "gospa_m", "gospa_localisation_m", "gospa_missed_m", "gospa_false_m"),
+        "recorded_gospa_m",
+    },
     "runs": {"tracker", "run", "scene", "count"},
     "measurements": {"sensor", "kind", "object", "scan", "detection", "time_s", "valid", *MEASUREMENT},
     "tracks": {"tracker", "time_s", "track", "existence", *STATE},

@@ -194,17 +194,14 @@ class Item:
     """Subject of the entry, shown before the text."""
     detail: str = ""
     """Small print after the text."""
-    tracker: str = ""
-    """Name of the tracker, if the label is its name; else empty."""
     tone: Tone = ""
 
 
 @dataclass(frozen=True)
 class Items:
-    """Bulleted or numbered list."""
+    """Bulleted list."""
 
     items: tuple[Item, ...]
-    numbered: bool = False
 
 
 @dataclass(frozen=True)

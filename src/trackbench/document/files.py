@@ -6,7 +6,7 @@ import io
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Literal, get_args
 
 from rich.console import Console
 
@@ -23,8 +23,6 @@ ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf", ".png")
 #: Characters of a line of the text format.
 TEXT_WIDTH = 80
 
-Page = TypeVar("Page")
-
 
 def files(document: Document, format: Format, name: str = "report") -> Iterator[tuple[str, Callable[[], bytes]]]:
     """Yield the relative path of each file of a document in a format, with a function that returns its content.
@@ -39,9 +37,8 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
     if format in MAIN_ENDINGS:
         yield f"{name}{MAIN_ENDINGS[format]}", lambda: _main_file(document, format, "figures")
     if format == "latex" or format == "csv":
-        ending, render = ("tex", table_to_latex) if format == "latex" else ("csv", to_csv)
         for table in document.tables:
-            yield f"tables/{table.name}.{ending}", partial(_encoded, render, table)
+            yield f"tables/{table.name}.{'tex' if format == 'latex' else format}", partial(_table_file, table, format)
     if format in ("markdown", "svg", "latex", "pdf", "png"):
         from trackbench.document.drawing import figure_file
 
@@ -61,6 +58,10 @@ def _main_file(document: Document, format: Format, figures: str = "") -> bytes:
     return document_text(document).encode()
 
 
+def _table_file(table: Table, format: Format) -> bytes:
+    return (table_to_latex(table) if format == "latex" else to_csv(table)).encode()
+
+
 def document_text(document: Document, width: int = TEXT_WIDTH) -> str:
     """Return the document as plain text in lines of ``width`` characters."""
     from trackbench.document.terminal import print_document
@@ -68,10 +69,6 @@ def document_text(document: Document, width: int = TEXT_WIDTH) -> str:
     output = io.StringIO()
     print_document(document, Console(file=output, width=width, no_color=True, force_terminal=False))
     return output.getvalue()
-
-
-def _encoded(render: Callable[[Page], str], page: Page) -> bytes:
-    return render(page).encode()
 
 
 def require_ending(path: Path, endings: tuple[str, ...] = ENDINGS, key: str | None = None) -> None:

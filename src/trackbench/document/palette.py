@@ -79,12 +79,8 @@ def tracker_styles(places: Mapping[str, int] | Sequence[str]) -> Styles:
     return styles
 
 
-def tracker_colours(places: Mapping[str, int] | Sequence[str]) -> dict[str, str]:
-    """Return a colour for each tracker in a recording, whose lines have no dashes; colours repeat once all are used.
-
-    Args:
-        places: index of each tracker in its scenario, by name; or all names in this order.
-    """
+def tracker_colours(places: Mapping[str, int]) -> dict[str, str]:
+    """Return a colour for each tracker in a recording, whose lines have no dashes; colours repeat once all are used."""
     colours = {name: style.colour for name, style in tracker_styles(places).items() if style.line == "solid"}
     free = [colour for colour in TRACKER_COLOURS if colour not in colours.values()] or TRACKER_COLOURS
     dashed = [name for name in places if name not in colours]

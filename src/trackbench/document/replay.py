@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.document import TrackerStyle
+from trackbench.document import LegendEntry, TrackerStyle
 
 
 class ChartLine(NamedTuple):
@@ -77,14 +77,6 @@ class Chart:
             limit = max(float(np.median(_finite([bound]))) for bound in self.bounds)
             top = float(np.clip(top, 1.5 * limit, 4.0 * limit))
         return top
-
-
-class NamedColour(NamedTuple):
-    """Colour and its meaning, an entry of the legend."""
-
-    name: str
-    colour: str
-    mark: Literal["line", "dot", "mark", "ring"] = "line"
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +176,7 @@ class Replay:
     """Title of the text."""
     text: str
     """Text in Markdown."""
-    legend: tuple[NamedColour, ...]
+    legend: tuple[LegendEntry, ...]
     scenes: tuple[ReplayScene, ...]
 
 

@@ -90,8 +90,8 @@ def _print(block: Block, console: Console) -> None:
         case Status():
             _say(console, Text(block.text, style=STYLE[block.tone] or "bold"))
         case Items():
-            for number, item in enumerate(block.items, 1):
-                print_hanging(console, f"{number}. " if block.numbered else "- ", _item(item))
+            for item in block.items:
+                print_hanging(console, "- ", _item(item))
         case Code():
             console.print(Text(block.text.rstrip("\n"), style="dim"), highlight=False, soft_wrap=True)
         case Table():
@@ -104,15 +104,12 @@ def _say(console: Console, text: Text) -> None:
 
 def print_hanging(console: Console, mark: str | Text, text: Text) -> None:
     """Print a text after a mark, such as a bullet; all lines of the text are indented by the mark's width."""
-    for line in hanging(console, Text.assemble(mark), text):
-        console.print(line, highlight=False)
-
-
-def hanging(console: Console, mark: Text, text: Text) -> Iterator[Text]:
-    """Yield the lines of a text after a mark, such as a bullet, all indented by the mark's width."""
-    for number, line in enumerate(text.wrap(console, max(console.width - mark.cell_len, 1))):
+    before = Text.assemble(mark)
+    indent = " " * before.cell_len
+    for line in text.wrap(console, max(console.width - len(indent), 1)):
         line.rstrip()
-        yield Text.assemble(Text(" " * mark.cell_len) if number else mark, line)
+        console.print(Text.assemble(before, line), highlight=False)
+        before = Text(indent)
 
 
 def _item(item: Item) -> Text:

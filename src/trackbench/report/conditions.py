@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from trackbench.document import Cell, Column, Table
-from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.verdicts import MEANING, meaning, what_is_off
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, rounded
-from trackbench.report.tables import innovation_columns, metric_of, missing_cell, tone_of, tracker_table
+from trackbench.report.tables import innovation_columns, metric_of, tracker_table
 from trackbench.results import Result, TrackerResult
 
 _TITLES = {"manoeuvre": "Position RMSE by manoeuvre, m", "range": "Position RMSE by range, m"}
@@ -40,13 +39,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
 
 
 def consistency_table(result: Result) -> Table:
-    """Return a table of each tracker's covariance verdict, deviating NEES, and innovations by sensor."""
-
-    def verdict(tracker: TrackerResult) -> Cell:
-        nees = metric_of(tracker, "nees")
-        if nees.verdict is None:
-            return missing_cell(nees)
-        return Cell(verdict_in_words(nees, tracker.conditions, whole=False), tone=tone_of(nees), chip=True)
+    """Return a table of each tracker's innovations by sensor, and of what is off with its NEES."""
 
     def deviations(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")
@@ -55,9 +48,7 @@ def consistency_table(result: Result) -> Table:
         texts = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word]
         return Cell("; ".join(filter(None, texts)))
 
-    meanings = "; ".join(f"{word}: {text}" for word, text in MEANING.items())
     columns = [
-        (Column("its covariance", meanings, left=True), list(map(verdict, result.scored))),
         *innovation_columns(result),
         (
             Column(

@@ -6,7 +6,6 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -17,10 +16,17 @@ from trackbench.document.terminal import STYLE, print_hanging, print_table
 from trackbench.metrics.covariance_words import verdict_in_words
 from trackbench.metrics.verdicts import LEAST_COVERAGE, mean_text
 from trackbench.report.first_screen import questions
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, rounded, short
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, intervals_in_short, short
 from trackbench.report.pairs import Pairs, Standing, difference_word, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, undrawn_scenes, values_of_few_scenes
-from trackbench.report.sentences import duration, expectations_met, remarks, value_and_limit, verdict_of_run
+from trackbench.report.sentences import (
+    duration,
+    expectations_met,
+    remarks,
+    value_and_limit,
+    verdict_of_run,
+    why_not_ranked,
+)
 from trackbench.report.tables import OUTCOME_TONE, TRACKER, metric_of, tone_of
 from trackbench.report.verdicts import REMARKS
 from trackbench.results import MetricValue, Result, TrackerResult
@@ -214,18 +220,7 @@ def print_outcome(result: Result, console: Console) -> None:
 def _print_unranked(result: Result, console: Console) -> None:
     for tracker in result.unscored:
         label = Text("FAILED ", STYLE["bad"]) if tracker.failed else Text("NOT RANKED ", STYLE["warn"])
-        why = f"{tracker.name}: {result.why_unscored(tracker)}{_errors_of(tracker)}"
-        print_hanging(console, label, Text(why))
-
-
-def _errors_of(tracker: TrackerResult) -> str:
-    """Return a tracker's errors as "; position RMSE 0.123 m, velocity RMSE 1.23 m/s", without missing ones."""
-    errors = [
-        f"{path.replace('_rmse', ' RMSE')} {rounded(metric.value, decimals([metric.value]))} {metric.unit}"
-        for path in ("position_rmse", "velocity_rmse")
-        if (metric := metric_of(tracker, path)).value is not None
-    ]
-    return f"; {', '.join(errors)}" if errors else ""
+        print_hanging(console, label, Text(f"{tracker.name}: {why_not_ranked(result, tracker)}"))
 
 
 def _print_missed(result: Result, console: Console) -> None:
@@ -280,7 +275,9 @@ def _notes(result: Result) -> list[str]:
     remarked = [
         f"*: {text}" if text in (REMARKS["reference"], REMARKS["offline"]) else text for text in remarks(result)
     ]
-    notes = [*filter(None, [sentence_on_point(summary.score.point)]), *_large_errors(result)]
+    notes = [*filter(None, [sentence_on_point(summary.score.point)])]
+    if summary.score.divergence_m and any(tracker.health.diverged_runs for tracker in trackers):
+        notes.append(f"diverged: number of runs with an error above {summary.score.divergence_m:g} m")
     if not summary.truth.known:
         return [*notes, *_NO_TRUTH, *remarked]
     if summary.identities == "hidden":
@@ -298,27 +295,6 @@ _NO_TRUTH = (
     "tracks: mean number; used: share of detections; NIS: 1 when consistent;",
     "score: of predicted detections, nats",
 )
-
-#: A large error exceeds this many times the RMSE, and this many m.
-_LARGE_RATIO, _LARGE_M = 10.0, 2.0
-
-
-def _large_errors(result: Result) -> list[str]:
-    """Return a list with a note on the divergence limit if a run diverged, else on large errors of the recorded run."""
-    limit = result.summary.score.divergence_m
-    if any(tracker.health.diverged_runs for tracker in result.scored):
-        return [f"diverged: number of runs with an error above {limit:g} m"] if limit else []
-    table = result.tables.if_there("estimates")
-    if not len(table) or result.summary.identities != "known":
-        return []
-    names, errors = table["tracker"].to_numpy(), np.where(table["due"].to_numpy() == 1, table["position_error_m"], 0.0)
-    largest = {t.name: float(np.nanmax(errors[names == t.name], initial=0.0)) for t in result.filtering}
-    large = [
-        f"{t.name} {rounded(largest[t.name], 1)} m"
-        for t in result.filtering
-        if largest[t.name] > max(_LARGE_M, _LARGE_RATIO * (metric_of(t, "position_rmse").value or 0.0))
-    ]
-    return [f"largest error in the recorded run: {', '.join(large)}"] if large else []
 
 
 def _wide_notes(result: Result) -> list[str]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 
 from trackbench.base.errors import counted
 from trackbench.document import (
@@ -16,49 +15,47 @@ from trackbench.document import (
     Item,
     Items,
     Paragraph,
-    Row,
     Section,
     Status,
     Table,
     Tone,
-    TrackerStyle,
 )
+from trackbench.document.palette import tracker_styles
 from trackbench.metrics.covariance_words import verdict_in_words
-from trackbench.metrics.recorded_run import EstimateMoment
 from trackbench.metrics.verdicts import mean_verdict
 from trackbench.report import tables
 from trackbench.report.figures.map import map_of_scene
-from trackbench.report.moments import diverged_elsewhere, moment_text
+from trackbench.report.moments import moment_text, worst_moments
 from trackbench.report.numbers import decimals, reach_text, rounded
 from trackbench.report.pairs import Pairs
 from trackbench.report.replay import replay_of_run
-from trackbench.report.sentences import answer_of_run, divergence, expectations_met, listing_note, value_and_limit
+from trackbench.report.sentences import answer_of_run, divergence, expectations_met, value_and_limit, why_not_ranked
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.report.verdicts import NEXT
-from trackbench.results import MetricValue, Result, TrackerResult
+from trackbench.results import MetricValue, Result, Summary, TrackerResult
 
 
-def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
-    """Return the map of the recorded run; None if no truth or, with hidden identities, no tracker can be shown."""
-    names = trackers_in_picture(result, shown)
-    summary = result.summary
-    if not summary.truth.known or (summary.identities == "hidden" and not names):
+def picture(result: Result) -> Figure | None:
+    """Return the map of the recorded run, with the best tracker, the last one, and each that is not built in.
+
+    None if there is no truth or, with hidden identities, no tracker. Baselines and references are not in the map.
+    """
+    is_hidden = result.summary.identities == "hidden"
+    styles = tracker_styles(result.places)
+    shown = {tracker.name: styles[tracker.name] for tracker in result.drawn}
+    trackers = [tracker for tracker in result.filtering if tracker.name in shown]
+    if not result.summary.truth.known or (is_hidden and not trackers):
         return None
-    scene = replay_of_run(result, shown, names, moments)
+    names = [tracker.name for tracker in trackers if tracker.is_own or tracker in (trackers[0], trackers[-1])]
+    moments = {} if is_hidden else worst_moments(result)
+    scene = replay_of_run(result, list(shown.values()), names, moments)
     errors = "; ".join(moment_text(moments[name]) for name in names if name in moments)
-    caption = f"Run {summary.recorded_run}.{f' Largest errors: {errors}.' * bool(errors)} {diverged_elsewhere(result)}"
-    return map_of_scene(scene, caption.rstrip()) if scene else None
-
-
-def trackers_in_picture(result: Result, shown: Sequence[TrackerStyle]) -> list[str]:
-    """Return the names of the best and the last among ``shown`` that are neither baselines nor references."""
-    filtering = {tracker.name for tracker in result.filtering}
-    names = [style.name for style in shown if style.name in filtering]
-    return list(dict.fromkeys([names[0], names[-1]])) if names else []
+    caption = f"Run {result.summary.recorded_run}.{f' Largest errors: {errors}.' * bool(errors)}"
+    return map_of_scene(scene, caption) if scene else None
 
 
 def first_screen(result: Result, total: int, picture: Figure | None) -> Iterator[Block]:
-    """Yield the answer, the expectations, and a small ranking of ``total`` trackers beside ``picture``."""
+    """Yield the answer, the expectations, a small ranking of ``total`` trackers, and ``picture``."""
     summary, missing = result.summary, result.unscored
     answer = answer_of_run(result)
     # A tracker's name keeps its small letter.
@@ -74,15 +71,16 @@ def first_screen(result: Result, total: int, picture: Figure | None) -> Iterator
     reason, command = next_step(result)
     yield Paragraph(reason)
     yield Code(command, "sh")
-    glance: list[Block] = [at_a_glance(result, total)] if result.scored and summary.truth.known else []
-    if beside := (*glance, *([picture] if picture else [])):
-        yield Row(beside)
+    if result.scored and summary.truth.known:
+        yield at_a_glance(result, total)
+    if picture:
+        yield picture
     if total > len(summary.trackers):
-        yield Paragraph(listing_note(summary, total))
+        listed = f"The first {len(summary.trackers):,} of {total:,} trackers are listed here"
+        yield Paragraph(f"{listed}; result.json and the tables in Parquet have all of them.")
     if missing:
-        failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
-        numbers = tables.unranked_table(result)
-        yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
+        failures = [Item(why_not_ranked(result, tracker), tracker.name, tone="bad") for tracker in missing]
+        yield Section("Not ranked", (Items(tuple(failures)),))
 
 
 def next_step(result: Result) -> tuple[str, str]:
@@ -100,25 +98,24 @@ def questions(result: Result) -> Iterator[tuple[str, str]]:
     words = shlex.split(summary.command)
     if words[:2] != ["trackbench", "run"]:
         return
-    if (name := _worst(result)) and (subject := _argument_of_doctor(name, words)):
-        yield NEXT["doctor"].format(name=name), f"trackbench doctor {subject}"
+    if (tracker := _worst(result)) and (subject := _argument_of_doctor(tracker, summary, shlex.quote(words[2]))):
+        yield NEXT["doctor"].format(name=tracker.name), f"trackbench doctor {subject}"
     if summary.truth.source == "highway-env" and not summary.truth.scenes:
         out = "" if "--out" in words else " --out results/scenes"
         yield NEXT["scenes"], f"{summary.command} --scenes 10{out}"
 
 
-def _argument_of_doctor(name: str, words: Sequence[str]) -> str:
+def _argument_of_doctor(tracker: TrackerResult, summary: Summary, scenario: str) -> str:
     """Return how the doctor finds a tracker: in the scenario's file, or by the class that ``--set`` names; else ""."""
-    changes = [word for word in words if word.startswith(f"trackers.{name}")]
+    changes = [item for item in summary.scenario.overrides if item.startswith(f"trackers.{tracker.name}")]
     if not changes:
-        return f"{shlex.quote(words[2])}#{name}"
-    named = re.search(r"use: *[\"']?([\w.]+:\w+)", changes[0])
-    is_whole = named and len(changes) == 1 and "options" not in changes[0]
-    return f"{named[1]} --scenario {shlex.quote(words[2])}" if named and is_whole else ""
+        return f"{scenario}#{tracker.name}"
+    is_whole = changes[0].startswith(f"trackers.{tracker.name}=") and len(changes) == 1 and "options" not in changes[0]
+    return f"{tracker.use} --scenario {scenario}" if is_whole and isinstance(tracker.use, str) else ""
 
 
-def _worst(result: Result) -> str:
-    """Return the name of the tracker with the gravest fault: failed, diverged, worse than a baseline, inconsistent."""
+def _worst(result: Result) -> TrackerResult | None:
+    """Return the tracker with the gravest fault: failed, diverged, worse than a baseline, or inconsistent."""
     pairs, baselines = Pairs(result), [tracker.name for tracker in result.scored if tracker.baseline]
     candidates = [t for t in result.summary.trackers if not (t.baseline or t.is_reference or t.offline)]
 
@@ -129,7 +126,7 @@ def _worst(result: Result) -> str:
 
     ranked = {name: place for place, name in enumerate(result.summary.ranking)}
     worst = max(candidates, key=lambda t: (gravity(t), ranked.get(t.name, 0)), default=None)
-    return worst.name if worst is not None and gravity(worst) else ""
+    return worst if worst is not None and gravity(worst) else None
 
 
 #: Number of failed expectations on the first screen.
@@ -137,21 +134,18 @@ _FAILED = 3
 
 
 def at_a_glance(result: Result, total: int) -> Table:
-    """Return a small ranking: error and covariance verdict, best first, then trackers that are not ranked."""
-    trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
+    """Return a small ranking: error and covariance verdict, best first."""
+    trackers, path = result.drawn, result.summary.headline
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals(metric.value for metric in metrics)
     runs = result.summary.runs
     errors = [_barred(metric, places, divergence(t, runs)) for t, metric in zip(trackers, metrics, strict=True)]
-    errors += [Cell("") for _ in unscored]
-    verdicts = list(map(_judged, trackers))
-    verdicts += [Cell("failed" if tracker.failed else "not ranked", tone="bad", chip=True) for tracker in unscored]
     columns = [
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), errors),
-        (Column("covariance", "what the NEES says, by conditions too", left=True), verdicts),
+        (Column("covariance", "what the NEES says, by conditions too", left=True), list(map(_judged, trackers))),
     ]
     caption = f"The best {len(trackers)} of {total:,} trackers" if len(trackers) < len(result.scored) else ""
-    return tracker_table("at-a-glance", [*trackers, *unscored], columns, caption)
+    return tracker_table("at-a-glance", trackers, columns, caption)
 
 
 def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -22,8 +21,6 @@ from trackbench.document.replay import (
 )
 from trackbench.metrics.function_events import events_of
 from trackbench.metrics.recorded_run import EstimateMoment
-from trackbench.metrics.traffic.assignment import TrackHistory, TruthHistory, count_by_gospa, nearby
-from trackbench.metrics.traffic.set_distances import gospa
 from trackbench.report.figures.map import MARKS
 from trackbench.report.moments import moment_text
 from trackbench.results import Result
@@ -49,23 +46,20 @@ def replay_of_run(
     vehicles = {path.name: path for path in _vehicles(result)}
     if not vehicles:
         return None
-    errors = _gospa_over_time(result, styles) if hidden else _largest_errors(result, styles)
+    errors = _gospa_of_run(result, styles) if hidden else _largest_errors(result, styles)
     quantity = "GOSPA of this run" if hidden else "Largest position error of any vehicle"
     lines = tuple(ChartLine((style.key,), style.name, style.colour, *errors[style.name]) for style in styles)
     if hidden:
-        marked = [event for event in events_of(result, run=result.summary.recorded_run) if event.kind in MARKS]
         events = [
             ReplayEvent(event.tracker, event.kind, event.time_s, event.x_m, event.y_m, f"{event.kind}, {event.reason}")
-            for event in marked
-            if event.tracker in errors
+            for event in events_of(result, run=result.summary.recorded_run)
+            if event.kind in MARKS and event.tracker in errors
         ]
-        worst = next((event for event in events if event.tracker in chosen[:1]), None)
+        worst = next((event for event in events if event.tracker == chosen[0]), None)
         start = _start_at_event(worst, vehicles) if worst else _start_at_largest(*errors[chosen[0]])
     else:
         events = _worst_events({name: moments[name] for name in errors if name in moments}, vehicles)
-        scored = [name for name in chosen if name in moments]
-        farthest = max(scored, key=lambda name: moments[name].position_error_m or 0.0, default="")
-        worst = next((event for event in events if event.tracker == farthest), None)
+        worst = next((event for event in events if event.tracker in chosen), None)
         start = _start_at_event(worst, vehicles) if worst else None
     return ReplayScene(
         "run",
@@ -120,10 +114,6 @@ def _position(rows: Columns) -> Array:
     return np.stack([rows["px_m"], rows["py_m"]])
 
 
-#: A component and its standard deviation, such as "range 0.3 m" or "azimuth 0.5 deg".
-_NOISE = re.compile(r"([a-z ]+) (\S+) ")
-
-
 def _measurements(result: Result) -> Iterator[ReplayMeasurements]:
     """Yield the measured positions of each sensor, with covariances by the noise that the sensor states."""
     colours = sensor_colours(result.summary.sensors)
@@ -132,12 +122,12 @@ def _measurements(result: Result) -> Iterator[ReplayMeasurements]:
         rows = {name: values[has_position] for name, values in rows.items()}
         position = np.stack([rows["x_m"], rows["y_m"]])
         from_sensor = position - [rows["sensor_x_m"], rows["sensor_y_m"]]
-        sigmas = {name.strip(): float(size) for name, size in _NOISE.findall(result.summary.sensors[sensor].noise)}
-        along, across, angle = (sigmas.get(name, 0.0) for name in ("x", "y", "azimuth"))
+        sigmas = result.summary.sensors[sensor].sigmas
+        along, across, angle = (sigmas.get(name, 0.0) for name in ("x_m", "y_m", "azimuth_deg"))
         yaw = rows["sensor_yaw_rad"]
-        if "range" in sigmas:
+        if "range_m" in sigmas:
             yaw = np.arctan2(from_sensor[1], from_sensor[0])
-            along, across = sigmas["range"], np.deg2rad(angle) * np.hypot(*from_sensor)
+            along, across = sigmas["range_m"], np.deg2rad(angle) * np.hypot(*from_sensor)
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         spread = np.array([np.full(len(yaw), along), np.broadcast_to(across, len(yaw))]) ** 2
         covariance = np.einsum("ikn,kn,jkn->ijn", turn, spread, turn)
@@ -161,32 +151,16 @@ def _largest_errors(result: Result, styles: Sequence[TrackerStyle]) -> dict[str,
     return errors
 
 
-def _gospa_over_time(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
-    """Return, by tracker, GOSPA at each instant of the recorded run, m."""
-    due, motions = split(result.tables.due, "object"), split(result.tables.truth, "object")
-    if not due:
-        return {style.name: (np.empty(0), np.empty(0)) for style in styles}
-    time = np.unique(result.tables.due["time_s"].to_numpy())
-    state = np.zeros((4, len(time), len(due)))
-    for number, key in enumerate(due):
-        state[:2, :, number] = _position(motions[key])[:, np.searchsorted(motions[key]["time_s"], time - 1e-9)]
-    truth = TruthHistory(time, state, np.stack([rows["status"] for rows in due.values()], axis=1).astype(np.int8))
-    rows_of, cutoff = split(result.tables.tracks, "tracker"), result.summary.score.cutoff_m or 0.0
-    values: dict[str, Series] = {}
-    for style in styles:
-        rows = rows_of.get((style.name,), {"time_s": np.empty(0), "px_m": np.empty(0), "py_m": np.empty(0)})
-        instant = np.searchsorted(time, rows["time_s"] - 1e-9)
-        column = np.arange(len(instant)) - np.searchsorted(instant, instant)
-        shape = (len(time), int(column.max(initial=-1)) + 1)
-        ids, mean = np.full(shape, -1), np.zeros((4, *shape))
-        ids[instant, column], mean[:2, instant, column] = column, _position(rows)
-        tracks = TrackHistory(ids, mean, np.zeros((4, *mean.shape)))
-        values[style.name] = time, np.sqrt(gospa(count_by_gospa(nearby(truth, tracks, cutoff))).total)
-    return values
+def _gospa_of_run(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
+    """Return, by tracker, GOSPA at each instant of the recorded run, m; NaN in older results, which do not have it."""
+    rows_of = split(result.tables.steps, "tracker")
+    values = {style.name: rows_of[style.name,] for style in styles}
+    nothing = np.full(max((len(rows["time_s"]) for rows in values.values()), default=0), np.nan)
+    return {name: (rows["time_s"], rows.get("recorded_gospa_m", nothing)) for name, rows in values.items()}
 
 
 def _worst_events(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, ReplayPath]) -> list[ReplayEvent]:
-    """Return each tracker's moment of the largest error as an event at the object's true position."""
+    """Return each tracker's largest error as an event at the object's true position, the largest error first."""
     return [
         ReplayEvent(
             name,
@@ -195,13 +169,13 @@ def _worst_events(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, 
             *_position_at(vehicles[moment.object], moment.time_s),
             f"largest error {moment_text(moment)}",
         )
-        for name, moment in moments.items()
+        for name, moment in sorted(moments.items(), key=lambda item: -(item[1].position_error_m or 0.0))
     ]
 
 
 def _start_at_largest(time: Array, value: Array) -> ReplayStart | None:
     """Return the opening at the time of the largest value, showing the whole scene; None without values."""
-    return ReplayStart(float(time[np.argmax(value)]), "") if len(time) else None
+    return ReplayStart(float(time[np.nanargmax(value)]), "") if np.isfinite(value).any() else None
 
 
 def _start_at_event(event: ReplayEvent, vehicles: Mapping[str, ReplayPath]) -> ReplayStart:

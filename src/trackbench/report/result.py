@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from trackbench.base.subjects import collected
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.palette import tracker_styles
-from trackbench.metrics.intervals import FEWEST_SCENES
-from trackbench.metrics.recorded_run import EstimateMoment
-from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
 from trackbench.report import tables
 from trackbench.report.conditions import condition_tables, consistency_table
 from trackbench.report.figures.over_time import errors_over_time, gospa_over_time
-from trackbench.report.first_screen import first_screen, picture, trackers_in_picture
-from trackbench.report.moments import events_section, moments_section, worst_moments
+from trackbench.report.first_screen import first_screen, picture
+from trackbench.report.moments import causes_table
 from trackbench.report.numbers import margin_words
 from trackbench.report.pairs import Pairs, standing
 from trackbench.report.scenes import (
     ONE_RUN,
     basis_of_intervals,
-    missing_intervals,
     scene_blocks,
     undrawn_scenes,
     values_of_few_scenes,
@@ -36,12 +33,10 @@ def result_document(result: Result) -> Document:
     trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
     styles = tracker_styles(result.places)
     shown = [styles[tracker.name] for tracker in result.drawn]
-    labelled = summary.truth.known and summary.identities == "known"
-    moments = worst_moments(result) if labelled else {}
     blocks = [
-        Section("Verdict", tuple(first_screen(result, trackers, picture(result, shown, moments)))),
-        *_sections(result, shown, moments),
-        *([] if summary.passed else [Section("Expectations", tuple(_expectations(result)))]),
+        Section("Verdict", tuple(first_screen(result, trackers, picture(result)))),
+        *_sections(result, shown),
+        *([] if summary.passed else [Section("Expectations", (tables.expectation_table(result),))]),
         _truth_and_sensors(result),
         Section("How to reproduce it", tuple(_reproduction(result)), True),
     ]
@@ -49,16 +44,12 @@ def result_document(result: Result) -> Document:
     return Document("report", name, tuple(blocks), description, facts(result, trackers), tuple(shown))
 
 
-def _sections(
-    result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
-) -> Iterator[Section]:
+def _sections(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
     """Yield the sections of the report between its first screen and the expectations."""
     summary, scored = result.summary, result.scored
     if not summary.truth.known:
         for title, (note, paths) in _WITHOUT_TRUTH.items():
             yield Section(title, (Paragraph(note), tables.track_table(title, scored, paths)))
-        missing = ", ".join(map(tables.metric_in_words, TRACK_METRICS))
-        yield Section("What cannot be told", (Paragraph(f"These need a truth: {missing}."),))
         return
     other_metrics = tables.other_metrics(result)
     if scored:
@@ -68,12 +59,11 @@ def _sections(
     yield from collected("sections", result, shown)
     if summary.identities == "known":
         yield from _section("Over time", errors_over_time(result, shown))
-        yield from moments_section(result, moments, trackers_in_picture(result, shown))
         yield from _section("By manoeuvre and range", *condition_tables(result), folded=True)
         yield Section("Consistency", (consistency_table(result),), folded=True)
     else:
         yield from _section("Over time", gospa_over_time(result, shown))
-        yield from events_section(result)
+        yield from _section("What costs most in all runs", causes_table(result))
         for title, paths in tables.TRACK_GROUPS.items() if scored else ():
             caption = ""
             if title == tables.MATCHED:
@@ -110,7 +100,8 @@ def _ranking(result: Result) -> Section:
         kind = CERTAINTY["all pairs" if summary.score.best is None else "best of many"]
         note += " " + kind.format(margin=margin_words(pairs.margins), pairs=which, best=summary.score.best)
         listed += undrawn_scenes(len(summary.truth.scenes), summary.truth.few_scenes_decide)
-    listed += filter(None, [missing_intervals(result)])
+    reasons = {tables.metric_of(tracker, summary.headline).reason or "" for tracker in result.scored}
+    listed += sorted(text for text in reasons - {TOO_FEW_SCENES} if text.startswith(UNCALIBRATED))
     items = [Items(tuple(Item(f"{remark}.") for remark in listed))] if listed else []
     return Section("Ranking", (Paragraph(note), tables.ranking_table(result), *items))
 
@@ -119,14 +110,6 @@ def _section(title: str, *blocks: Figure | Table | None, folded: bool = False) -
     """Yield a section with the blocks that are not None, side by side; yield nothing if all are None."""
     if present := tuple(block for block in blocks if block):
         yield Section(title, (Row(present),), folded)
-
-
-def _expectations(result: Result) -> Iterator[Block]:
-    yield tables.expectation_table(result)
-    if any(item.operator in ("below", "above") for item in result.summary.expectations):
-        yield Paragraph(
-            "“Below” and “above” compare the value with the limit, without its interval; “better than” is a test."
-        )
 
 
 def _truth_and_sensors(result: Result) -> Section:

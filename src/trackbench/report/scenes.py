@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
 from trackbench.metrics.contrasts import FEW_DECIDE_UNTIL, turning_factor, undrawn_share
-from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
+from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, joined_names, rounded
 from trackbench.report.verdicts import CERTAINTY
 from trackbench.results import Result, by_value
@@ -88,17 +88,6 @@ def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
         return [CERTAINTY["few decide"].format(until=FEW_DECIDE_UNTIL)]
     share, factor = f"{100 * undrawn_share(number):.2g} %", f"{turning_factor(number):.2g}"
     return [CERTAINTY["undrawn"].format(scenes=number, share=share, factor=factor)]
-
-
-def missing_intervals(result: Result) -> str:
-    """Return in words which metrics have no valid interval and why, apart from too few scenes."""
-    paths: dict[str, dict[str, None]] = {}
-    for tracker in result.scored:
-        for path, metric in tracker.metrics.items():
-            reason = metric.reason or ""
-            if metric.value is not None and reason.startswith(UNCALIBRATED) and reason != TOO_FEW_SCENES:
-                paths.setdefault(reason, {})[path] = None
-    return "; ".join(f"{reason}: {joined_names([*metrics])}" for reason, metrics in paths.items())
 
 
 def scene_blocks(result: Result) -> Iterator[Block]:

@@ -17,7 +17,6 @@ from trackbench.results import (
     ExpectationResult,
     MetricValue,
     Result,
-    Summary,
     TrackerResult,
 )
 from trackbench.results.tracker_result import BEATS_BOUND
@@ -38,12 +37,6 @@ def facts(result: Result, trackers: int) -> tuple[str, ...]:
         f"seed {summary.seed}",
         summary.engine_in_words,
     )
-
-
-def listing_note(summary: Summary, trackers: int) -> str:
-    """Return a note that the page lists only the first of ``trackers`` trackers."""
-    listed = f"The first {len(summary.trackers):,} of {trackers:,} trackers are listed here"
-    return f"{listed}; result.json and the tables in Parquet have all of them."
 
 
 def provenance(result: Result) -> list[tuple[str, str]]:
@@ -155,6 +148,16 @@ def value_and_limit(item: ExpectationResult) -> str:
     subject = f"{item.tracker} {item.metric} "
     wanted = item.text.removeprefix(subject).removeprefix("is ")
     return f"{subject}{value_text(item.value)}, wanted {wanted}"
+
+
+def why_not_ranked(result: Result, tracker: TrackerResult) -> str:
+    """Return why a tracker is not ranked, then its errors: "...; position RMSE 0.123 m, velocity RMSE 1.23 m/s"."""
+    errors = [
+        f"{path.replace('_rmse', ' RMSE')} {rounded(metric.value, decimals([metric.value]))} {metric.unit}"
+        for path in ("position_rmse", "velocity_rmse")
+        if (metric := metric_of(tracker, path)).value is not None
+    ]
+    return "; ".join(filter(None, [result.why_unscored(tracker), ", ".join(errors)]))
 
 
 #: Names that a sentence lists; more are counted.

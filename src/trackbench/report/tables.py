@@ -172,13 +172,6 @@ def ranking_table(result: Result) -> Table:
     return tracker_table("ranking", trackers, [position, *differing, *further])
 
 
-def unranked_table(result: Result) -> Table | None:
-    """Return a table of the metrics of trackers that are not ranked; None if none of these has a value."""
-    trackers = [tracker for tracker in result.unscored if metric_of(tracker, result.summary.headline).value is not None]
-    known = result.summary.identities == "known"
-    return tracker_table("unranked", trackers, _errors(result, trackers)) if trackers and known else None
-
-
 def _errors(result: Result, trackers: Sequence[TrackerResult]) -> list[TableColumn]:
     label = result.summary.held_against.label
     missing = "a missing estimate counts as the last measurement or estimate, held; given: without missing estimates"

@@ -88,17 +88,14 @@ def _velocity(audits: Audits) -> Iterator[_Finding]:
 
 
 def _jumps(audits: Audits) -> Iterator[_Finding]:
-    """Yield findings on jumps of velocity and position, the largest acceleration, and a truth that ends early."""
+    """Yield findings on jumps of velocity and position, and a truth that ends early."""
     jumps = {name: audit.velocity_jumps for name, audit in audits.items()}
-    peak = max((item.peak_acceleration_mps2 or 0.0 for item in jumps.values()), default=0.0)
     largest = [(worst.largest_mps, scene, worst) for scene, worst in jumps.items() if worst.largest_mps is not None]
     if largest:
         size, scene, worst = max(largest, key=lambda item: item[0])
         count = counted(sum(item.count for item in jumps.values()), "velocity jump")
         limit = f"none: a car changes by {worst.limit_mps2:g} m/s² at most"
         yield count, f"the largest {_two_digits(size)} m/s", _place(worst.object, worst.time_s, scene), limit
-    if peak > 0:
-        yield "largest acceleration", f"{_two_digits(peak)} m/s²", "", ""
     for scene, audit in audits.items():
         for jump in audit.jumps:
             if jump.object != "observer":
@@ -130,7 +127,7 @@ def sensor_table(result: Result) -> Table:
         ),
         (Column("kind", left=True), [Cell(sensor.kind) for sensor in sensors]),
         (Column("rate, Hz"), [Cell(f"{s.rate_hz:.4g}") if s.rate_hz is not None else single for s in sensors]),
-        (Column("noise", noise, left=True), [Cell(sensor.noise) for sensor in sensors]),
+        (Column("noise", noise, left=True), [Cell(sensor.noise_in_words) for sensor in sensors]),
         (
             Column("field of view, deg", "horizontal, centred on the boresight"),
             [Cell(f"{sensor.fov_deg:g}") for sensor in sensors],

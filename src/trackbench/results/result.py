@@ -140,7 +140,7 @@ class Result:
 
     @property
     def filtering(self) -> list[TrackerResult]:
-        """Contenders that filter, for the list of worst moments; all contenders if none filters."""
+        """Contenders that filter; all contenders if none filters."""
         return [tracker for tracker in self.contenders if not tracker.baseline] or self.contenders
 
     @property

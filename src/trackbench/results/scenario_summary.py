@@ -159,9 +159,12 @@ class TruthSummary(ResultModel):
 class SensorSummary(ResultModel):
     """Sensor as it was simulated or recorded, such as its noise, field of view, rate and effects."""
 
+    # Older results have a text in place of ``sigmas``.
+    model_config = ConfigDict(extra="ignore")
+
     kind: str
-    noise: str
-    """Stated standard deviation of each component, such as "range 0.3 m, azimuth 0.5 deg"."""
+    sigmas: dict[str, float] = Field(default_factory=dict)
+    """Stated standard deviation of each component, by name and unit, such as ``range_m`` and ``azimuth_deg``."""
     fov_deg: float
     max_range_m: float | None
     """Largest range at which the sensor measures; None without a limit."""
@@ -175,6 +178,11 @@ class SensorSummary(ResultModel):
     effects: tuple[dict[str, JsonValue], ...] = ()
     """Effects that make the sensor differ from an ideal one, in the order in which they act: type and options of
     each."""
+
+    @property
+    def noise_in_words(self) -> str:
+        """Standard deviation of each component in words, such as "range 0.3 m, azimuth 0.5 deg"."""
+        return ", ".join(option_in_words(name, sigma) for name, sigma in self.sigmas.items())
 
     @property
     def range_in_words(self) -> str:

@@ -111,6 +111,9 @@ class TrackerResult(ResultModel):
     place: int = 0
     """Index in the scenario file, from 0, which selects the colour."""
     describe: str
+    use: str | tuple[str, ...] | None = None
+    """Tracker as the scenario names it: ``"module:Class"``, a published name, or the words of a command. None for a
+    built-in filter, and in results that do not say it."""
     association: str | None = None
     """Method of data association of a built-in tracker with hidden identities; None for any other tracker."""
     baseline: bool = False
@@ -150,6 +153,11 @@ class TrackerResult(ResultModel):
         if self.smoother is not None:
             return "offline"
         return "reference" if self.association == ORACLE else ""
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the tracker is the user's: a class or a program, not a built-in filter or a published name."""
+        return isinstance(self.use, tuple) or ":" in (self.use or "")
 
     @property
     def is_reference(self) -> bool:

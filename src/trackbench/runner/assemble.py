@@ -12,6 +12,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from trackbench.base.config.key_units import SPELLINGS
 from trackbench.base.errors import counted
 from trackbench.base.types import Array, Truth
 from trackbench.engine.equations import EngineUsed, joined_engines
@@ -203,7 +204,7 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
         config = sensor.config
         summaries[sensor.name] = SensorSummary(
             kind=config.type,
-            noise=_noise(config),
+            sigmas=_sigmas(config),
             fov_deg=config.fov_deg,
             max_range_m=config.max_range_m,
             rate_hz=scan_rate(sensor),
@@ -215,12 +216,13 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
     return summaries
 
 
-def _noise(sensor: Sensor) -> str:
-    noise = []
+def _sigmas(sensor: Sensor) -> dict[str, float]:
+    """Return the standard deviation of each component by name and unit, such as ``azimuth_deg``."""
+    sigmas = {}
     for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
-        value, unit = (math.degrees(sigma), "deg") if unit == "rad" else (sigma, unit)
-        noise.append(f"{name.replace('_', ' ')} {value:.4g} {unit}")
-    return ", ".join(noise)
+        value, unit = (math.degrees(sigma), "deg") if unit == "rad" else (sigma, SPELLINGS.get(unit, unit))
+        sigmas[f"{name}_{unit}"] = float(f"{value:.4g}")
+    return sigmas
 
 
 def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None = None) -> str:

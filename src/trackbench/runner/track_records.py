@@ -104,12 +104,15 @@ def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[In
 
 
 def _gospa_record(name: str, blocks: Sequence[Timeline], time: Array) -> Record:
-    sums, count = np.zeros((4, len(time))), np.zeros(len(time))
+    sums, count, recorded = np.zeros((4, len(time))), np.zeros(len(time)), np.full(len(time), np.nan)
     for block in blocks:
         parts = np.stack([block.gospa.sum(axis=0), *block.gospa])
         sums[:, : parts.shape[1]] += parts
         count[: parts.shape[1]] += block.runs
-    return {"tracker": name, "time_s": time, **dict(zip(_GOSPA_COLUMNS, np.sqrt(mean(sums, count)), strict=True))}
+        if block.recorded_gospa is not None:
+            recorded[: parts.shape[1]] = np.sqrt(block.recorded_gospa)
+    of_runs = dict(zip(_GOSPA_COLUMNS, np.sqrt(mean(sums, count)), strict=True))
+    return {"tracker": name, "time_s": time, **of_runs, "recorded_gospa_m": recorded}
 
 
 def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Record]:

@@ -35,12 +35,13 @@ from trackbench.truth.tracks import TrackRows
 def tracker_entry(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, **fields: Any) -> TrackerResult:
     """Return the description, failure and metrics of one tracker for a result; ``fields`` are added to them."""
     config, failure = work.trackers[name], scores.failures.get(name)
-    associate = getattr(config, "associate", None)
+    associate, use = getattr(config, "associate", None), getattr(config, "use", None)
     entry = {
         "name": name,
         "describe": describe_tracker(config, work.late_sensors),
+        "use": getattr(use, "command", use),
         "association": None if associate is None else associate.method,
-        "baseline": getattr(config, "use", None) == BASELINE,
+        "baseline": use == BASELINE,
         "sensors": config.sensors_used,
         "confirmation": None if associate is None else associate.confirmation,
         "smoother": getattr(config, "smoother", None),

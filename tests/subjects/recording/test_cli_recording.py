@@ -12,6 +12,7 @@ import pytest
 from tests.support.commands import run_command
 
 from trackbench.metrics.recorded_run import EstimateMoment
+from trackbench.report.result import result_document
 from trackbench.results import Result
 from trackbench.subjects.recording import viewer
 from trackbench.subjects.recording.focus import Opening, worst_moments
@@ -110,19 +111,15 @@ def test_without_a_driver_it_says_what_to_install(cli: Cli, folder: Path, monkey
 
 
 def test_the_report_and_inspect_name_the_same_worst_moments(folder: Path) -> None:
-    report = (folder / "report.md").read_text(encoding="utf-8")
-    section = report.partition("## Worst moments")[2].partition("\n## ")[0]
-    # The best and the last of the ranking have a row.
-    rows = [
-        [cell.strip("* ") for cell in line.split("|")[1:3]] for line in section.splitlines() if line.startswith("| **")
-    ]
-    assert rows
-    for name, text in rows:
-        (moment,) = worst_moments(Result.load(folder), Opening(worst=1, tracker=name))
+    result = Result.load(folder)
+    ((caption, replay),) = ((each.caption, each.replay) for each in result_document(result).figures if each.replay)
+    listed = caption.partition("Largest errors: ")[2].partition(". ")[0].rstrip(".").split("; ")
+    assert "ekf" in replay.shown
+    for name, text in zip(replay.shown, listed, strict=True):
+        (moment,) = worst_moments(result, Opening(worst=1, tracker=name))
         assert isinstance(moment, EstimateMoment)
         assert text.endswith(f" m, {moment.object} at {moment.time_s:.2f} s")
         assert float(text.split()[0]) == pytest.approx(moment.position_error_m, abs=0.01)
-    assert "trackbench view . --worst --tracker ekf" in report
 
 
 @pytest.mark.viewer

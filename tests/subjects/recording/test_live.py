@@ -106,7 +106,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         drawing.finish()
         return ReadRecording(tmp_path / f"{name}.rrd")
 
-    colours = tracker_colours(["raw", "ekf"])
+    colours = tracker_colours({"raw": 0, "ekf": 1})
     about = LiveRun("tiny", colours, ["radar", "lidar"], truth.truth)
     going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
     half = draw("half", [[about, *seen[:6]]])
@@ -140,7 +140,7 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
         if "ekf" in item.estimates and item.number > 2:
             item.estimates["ekf"] = Gaussian(*(np.full_like(part, np.nan) for part in item.estimates["ekf"]))
     drawing = LiveRuns("failing")
-    drawing.draw([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
+    drawing.draw([LiveRun("tiny", tracker_colours({"raw": 0, "ekf": 1}), ["radar", "lidar"], scene[1].truth), *seen])
     drawing.finish()
     read = ReadRecording(tmp_path / "failing.rrd")
     raw, ekf = (read(f"/world/tracks/{name}", "Points2D:positions") for name in ("raw", "ekf"))

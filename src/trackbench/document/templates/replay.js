@@ -3,8 +3,8 @@
 {
   // Time for which a trail, a measurement and an event's mark are shown, s; longest gap within a line of errors, s.
   const TRAIL = 2, SEEN = .3, MARKED = 1, GAP = 1;
-  // Width of a view that follows a vehicle, m; scale from which the whole scene is shown, pixels per metre.
-  const NEAR = 45, LEGIBLE = 7;
+  // Height of a view that follows a vehicle, m; scale from which the whole scene is shown, pixels per metre.
+  const NEAR = 28, LEGIBLE = 7;
   const SAME = 5e-4;  // Times are rounded to milliseconds.
 
   const series = ({ quantum, order, differences }) => {
@@ -177,7 +177,8 @@
     follow(name) {
       this.followed = this.vehicles.find(path => name && path.name == name);
       this.control("follow").value = this.followed ? name : "";
-      this.across = this.followed ? Math.min(NEAR, this.wholeAcross()) : this.wholeAcross();
+      const { clientWidth, clientHeight } = this.above, near = NEAR * clientWidth / clientHeight;
+      this.across = this.followed ? Math.min(near, this.wholeAcross()) : this.wholeAcross();
       this.pan = [0, 0];
       this.draw();
     }

@@ -35,6 +35,8 @@ class Timeline:
     """Number of the recorded run; None if it is not among these runs."""
     strips: npt.NDArray[np.int8] | None = None
     """``(T, N)`` states of the objects in the recorded run; None if it is not among these runs."""
+    recorded_gospa: Array | None = None
+    """``(T,)`` squared GOSPA of the recorded run, m^2; None if it is not among these runs."""
     reused_ids: int = 0
     """Number of ids that were used again after their track had ended."""
 
@@ -45,7 +47,7 @@ class Timeline:
         self.gospa = parts if not self.gospa.size else self.gospa + parts
         self.events += [(run, event) for event in scores.events]
         if recorded:
-            self.recorded, self.strips = run, scores.strips
+            self.recorded, self.strips, self.recorded_gospa = run, scores.strips, scores.gospa.total
         if len(self.events) > 2 * MOST_EVENTS:
             self.events = dearest(self.events, self.recorded)
 

@@ -71,8 +71,7 @@ def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
                 axes.plot(*path.position, color=path.colour, linewidth=1.2)
             for event in marks:
                 if event.tracker == tracker.name:
-                    gid, mark = f"{event.kind}-{tracker.key}", MARKS[event.kind]
-                    axes.plot(event.x_m, event.y_m, zorder=5, gid=gid, **mark)
+                    axes.plot(event.x_m, event.y_m, zorder=5, **MARKS[event.kind])
         all_axes[-1].set_xlabel("x, m")
 
     lines = "True paths in grey from the dot to the name, the observer's dotted"
@@ -86,7 +85,6 @@ def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
         paint,
         30 + rows * height,
         legend=tuple(entry for kinds, entry in _LEGEND.items() if any(event.kind in kinds for event in scene.events)),
-        tooltips={f"worst-{t.key}": e.text for t in shown for e in marks if (e.tracker, e.kind) == (t.name, "worst")},
         replay=scene,
     )
 

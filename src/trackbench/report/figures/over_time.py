@@ -66,11 +66,6 @@ class Panel(NamedTuple):
     band: tuple[str, ...] = ()
     """Columns of the bounds for a consistent tracker; a quantity with bounds is not averaged over time."""
 
-    @property
-    def axis_label(self) -> str:
-        """Label of the y axis: quantity and unit."""
-        return f"{self.label}, {self.unit}" if self.unit else self.label
-
 
 OF_ESTIMATES = (
     Panel("position RMSE", "m", "position_rmse_m", "position_reference_m"),
@@ -148,7 +143,8 @@ def _panels(
             is_logarithmic = fit_value_axis(axes, [*shown, *(line.value for line in bands[panel])])
             beyond = [f"{name} beyond the axis: up to {peak:.3g} {panel.unit}".rstrip() for name, peak in cut.items()]
             panel_title(axes, "; ".join(beyond), WIDTH)
-            axes.set_ylabel(f"{panel.axis_label}{' (log)' * is_logarithmic}")
+            unit = f", {panel.unit}" if panel.unit else ""
+            axes.set_ylabel(f"{panel.label}{unit}{' (log)' * is_logarithmic}")
             time_axis(axes, max(float(rows["time_s"].max()) for rows in steps.values()))
         all_axes[-1].set_xlabel(TIME_LABEL)
 

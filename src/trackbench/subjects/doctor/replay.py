@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
-from trackbench.document import TrackerStyle
+from trackbench.document import LegendEntry, TrackerStyle
 from trackbench.document.palette import BOUND_COLOUR, OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colours
 from trackbench.document.replay import (
     Chart,
     ChartLine,
-    NamedColour,
     Replay,
     ReplayEvent,
     ReplayMeasurements,
@@ -42,10 +41,10 @@ def examination_replay(tracker: str, report: str, evidence: Sequence[EvidenceRun
     """Return the replay of an examination, with its report in Markdown and a scene for each run."""
     sensors = sensor_colours(scan.sensor for run in evidence for scan in run.scans)
     legend = (
-        *(NamedColour(name, colour) for name, colour in COLOURS.items()),
-        NamedColour("truth, bounds", BOUND_COLOUR),
-        NamedColour("sensors", OBSERVER_COLOUR),
-        *(NamedColour(name, colour, "dot") for name, colour in sensors.items()),
+        *(LegendEntry(name, colour) for name, colour in COLOURS.items()),
+        LegendEntry("truth, bounds", BOUND_COLOUR),
+        LegendEntry("sensors", OBSERVER_COLOUR),
+        *(LegendEntry(name, colour, "dot") for name, colour in sensors.items()),
     )
     scenes = tuple(map(drive_scene, evidence))
     return Replay(tracker, "trackbench doctor", "Findings", f"{report}\n{IN_THE_PICTURES}", legend, scenes)

@@ -9,7 +9,6 @@ from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
 from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Row, Section, Table
-from trackbench.document.palette import tracker_styles
 from trackbench.metrics.function_events import events_of, function_events, function_labels
 from trackbench.report.first_screen import picture
 from trackbench.report.moments import moment_text, worst_moments
@@ -90,10 +89,7 @@ def counter_section(claim: Claim, run: Result | None) -> Iterator[Section]:
 
 def _from_above(run: Result) -> Iterator[Block]:
     """Yield the figure of the nearest counter-example's recorded run, seen from above."""
-    styles = tracker_styles(run.places)
-    moments = worst_moments(run) if run.summary.identities == "known" else {}
-    figure = picture(run, [styles[tracker.name] for tracker in run.drawn], moments)
-    if figure:
+    if figure := picture(run):
         yield Row((replace(figure, name="counter-example", title="The nearest counter-example from above"),))
 
 

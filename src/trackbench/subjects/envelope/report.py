@@ -145,7 +145,7 @@ def document_of_claim(file: Path) -> Document:
 
 def _headline(claim: Claim) -> Iterator[Block]:
     texts = (text.split(": ", 1) for text in headlines(claim))
-    yield Items(tuple(Item(text, label, tracker=label) for label, text in texts))
+    yield Items(tuple(Item(text, label) for label, text in texts))
     yield Paragraph(claim_sentence(claim))
 
 

@@ -56,7 +56,7 @@ def log_audit_summary(audit: LogAudit) -> Document:
     items = tuple(Item(f"{finding.evidence} {finding.fix}", finding.title) for finding in audit.findings)
     blocks: list[Block] = [*_verdict(audit)]
     if items:
-        blocks.append(Section("Findings", (Items(items, numbered=True),)))
+        blocks.append(Section("Findings", (Items(items),)))
         if (block := yaml_to_paste(audit.scenario, audit.findings)) and not audit.unexplained:
             blocks.append(Section("To paste into the scenario", (Code(block, "yaml"),)))
     detections = [rates_table(audit)]

@@ -11,8 +11,9 @@ import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from trackbench.base.errors import counted
+from trackbench.document import LegendEntry
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
-from trackbench.document.replay import Chart, NamedColour
+from trackbench.document.replay import Chart
 from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
@@ -35,36 +36,36 @@ WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
 ROW, MARK, RING = 40.0, 22.0, 6.0
 
 
-def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = False) -> list[NamedColour]:
+def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = False) -> list[LegendEntry]:
     """Return the legend of scene and plots: trackers, measurements of each sensor, truth, observer and marks.
 
     With ``hidden`` identities the trackers' colours appear in the plots alone.
     """
     tracks = [
-        NamedColour("tracks", IDENTITY_COLOURS[0], "dot"),
-        NamedColour("due, no track", MISSED, "ring"),
-        NamedColour("false track", MARKED["false"], "mark"),
-        NamedColour("lost, merged", MARKED["lost"], "mark"),
-        NamedColour("switch", MARKED["switched"], "mark"),
-        NamedColour("association", ASSOCIATION_COLOUR),
+        LegendEntry("tracks", IDENTITY_COLOURS[0], "dot"),
+        LegendEntry("due, no track", MISSED, "ring"),
+        LegendEntry("false track", MARKED["false"], "cross"),
+        LegendEntry("lost, merged", MARKED["lost"], "cross"),
+        LegendEntry("switch", MARKED["switched"], "cross"),
+        LegendEntry("association", ASSOCIATION_COLOUR),
     ]
     return [
-        *(NamedColour(name, colour) for name, colour in trackers.items()),
-        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
-        NamedColour("truth" if hidden else "truth, reference", BOUND_COLOUR),
-        NamedColour("observer", OBSERVER_COLOUR),
+        *(LegendEntry(name, colour) for name, colour in trackers.items()),
+        *(LegendEntry(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
+        LegendEntry("truth" if hidden else "truth, reference", BOUND_COLOUR),
+        LegendEntry("observer", OBSERVER_COLOUR),
         *(tracks if hidden else ()),
     ]
 
 
-def entries_of(contents: Contents) -> list[NamedColour]:
+def entries_of(contents: Contents) -> list[LegendEntry]:
     return entries(contents.colours, list(contents.sensors), contents.hidden)
 
 
-def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
+def send_legend(stream: Stream, shown: list[LegendEntry]) -> None:
     """Send the legend: rows of names, each below a line, a dot or a ring."""
     for number, (entry, x, y) in enumerate(_with_positions(shown)):
-        style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.name, "show_labels": True}
+        style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.label, "show_labels": True}
         if entry.mark == "line":
             mark: rr.AsComponents = rr.LineStrips2D(
                 [[(x - MARK / 2, y), (x + MARK / 2, y)]], radii=pixels(1.5), **style
@@ -74,11 +75,11 @@ def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
             ring = np.stack([x + RING * np.cos(angle), y + RING * np.sin(angle)], axis=1)
             mark = rr.LineStrips2D([ring], radii=pixels(1.5), **style)
         else:
-            mark = rr.Points2D([(x, y)], radii=pixels(5.0 if entry.mark == "mark" else 3.0), **style)
+            mark = rr.Points2D([(x, y)], radii=pixels(5.0 if entry.mark == "cross" else 3.0), **style)
         stream.static(path(LEGEND, str(number)), mark)
 
 
-def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
+def legend_view(shown: list[LegendEntry]) -> rrb.Spatial2DView:
     """Return the viewer's panel that shows the legend of the entries ``shown``."""
     return rrb.Spatial2DView(
         origin=LEGEND,
@@ -88,14 +89,14 @@ def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
     )
 
 
-def height(shown: list[NamedColour]) -> float:
+def height(shown: list[LegendEntry]) -> float:
     """Return the height of the legend in pixels."""
     return max(y for _, _, y in _with_positions(shown)) + 0.9 * ROW
 
 
-def _with_positions(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
+def _with_positions(shown: list[LegendEntry]) -> Iterator[tuple[LegendEntry, float, float]]:
     """Yield each entry with the middle of its mark, pixels, in columns as wide as the longest name."""
-    longest = max(len(entry.name) for entry in shown)
+    longest = max(len(entry.label) for entry in shown)
     columns = max(1, min(len(shown), int(WIDTH / (LETTER * longest + AROUND))))
     row, column = np.divmod(np.arange(len(shown)), columns)
     for entry, i, k in zip(shown, row, column, strict=True):
@@ -230,7 +231,7 @@ def _vehicles_with_plots(vehicles: list[str], focus: Focus) -> list[str]:
 
 
 def with_legend(
-    main: rrb.Container, shown: list[NamedColour], text: rrb.Container | rrb.View | None = None
+    main: rrb.Container, shown: list[LegendEntry], text: rrb.Container | rrb.View | None = None
 ) -> rrb.Container:
     """Return a container with the legend on the right, and texts below the legend."""
     names = legend_view(shown)
