@@ -103,7 +103,7 @@ def test_with_a_baseline_each_is_compared_with_it(tmp_path: Path) -> None:
     assert column.heading == "against raw"
     assert set(column.cells) <= {"better", "worse", "equivalent", "undecided", "baseline"}
     assert column.cells[names.index("raw")] == "baseline"
-    assert f"{names[0]} has the smallest position error" in to_markdown(result_document(result))
+    assert f"{names[0]} is best in this scene" in to_markdown(result_document(result))
 
 
 def test_a_baseline_that_is_no_tracker_has_the_nearest(tmp_path: Path) -> None:

@@ -183,7 +183,8 @@ def test_what_is_charged_for_missing_estimates_is_told() -> None:
     assert max(map(len, terminal.splitlines())) <= 80
     for text in (page.text, terminal):
         flat = " ".join(text.split())
-        assert "ekf_cv: 42 % of its squared position error is charged for missing estimates (0.123 m without)" in flat
+        charge = "42 % of its squared position error is the charge for missing estimates (0.123 m without it)"
+        assert f"ekf_cv: {charge}" in flat
         for name in ("ukf_ctrv", "ekf_ctrv"):
             assert f"{name} is not called better than ekf_cv: its errors are smaller only with that charge" in flat
     assert "given 0.123" in page.text

@@ -16,6 +16,7 @@ from contextlib import ExitStack, contextmanager
 from functools import cache, partial
 from itertools import starmap
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from uuid import uuid4
 
@@ -214,6 +215,8 @@ def _connect_cluster(address: str, stack: ExitStack) -> Submit:
     try:
         if local is not None:
             options = {"threads_per_worker": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL}
+            folder = stack.enter_context(TemporaryDirectory())
+            stack.enter_context(dask.config.set({"temporary-directory": folder}))
             at = distributed.LocalCluster(int(local[1]), host="127.0.0.1", dashboard_address="127.0.0.1:0", **options)
             stack.enter_context(at)
         client = stack.enter_context(distributed.Client(at, timeout=PATIENCE_S))

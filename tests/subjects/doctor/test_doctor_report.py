@@ -64,7 +64,7 @@ def test_the_report_shows_the_jump(faulty: Faulty) -> None:
     drawn = {str(plot.get("aria-label")) for plot in page.all("svg")}
     (innovation,) = (label for label in drawn if label.startswith("Innovations of radar over time, azimuth"))
     assert "azimuth applied -6.2" in innovation
-    assert {label.split()[0] for label in drawn} == {"Innovations"}
+    assert {label.split()[0] for label in drawn} == {"Innovations", "Map"}
     # Those that failed and those that passed have a table each.
     made = [check for check in json.loads(faulty.done.stdout)["checks"] if check["passed"] is not None]
     assert len(page.rows) == 2 + len(made)

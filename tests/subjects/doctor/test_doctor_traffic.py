@@ -74,7 +74,7 @@ def test_a_sensor_that_the_tracker_does_not_read_is_left_out() -> None:
 
     found = TrafficDoctor(SENSORS).examine("tracker", looped(LidarAlone))
     assert found.findings == []
-    assert [check.name for check in found.checks if check.passed is None] == ["confirmation.radar"]
+    assert [check.name for check in found.checks if check.passed is None] == ["confirmation.radar", "same_instant"]
 
 
 @pytest.mark.usefixtures("filters_once")

@@ -46,7 +46,7 @@ def test_inspect_prints_what_is_in_a_recording(cli: Cli, folder: Path) -> None:
     done = cli("inspect", "results/tiny/recording.rrd")
     assert (done.status, done.err) == (0, "")
     assert {"raw", "ekf"} <= {line.split()[0] for line in done.out.splitlines() if line}
-    assert "4 runs, 2 vehicles, 2.0 s, seed 7" in done.out
+    assert "4 noise draws of ONE scene (2 vehicles, 2.0 s), seed 7" in done.out
     of_folder = cli("inspect", "results/tiny")
     assert of_folder.out == done.out
 
