@@ -12,7 +12,6 @@ from typing import Any, cast
 
 import click
 
-from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry
 from trackbench.base.subjects import collected, offered, resolve
 from trackbench.cli.answer import print_answer
@@ -22,18 +21,14 @@ from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
-from trackbench.scenario.shipped import available_scenarios, files_of_scenarios, shown_name
+from trackbench.scenario.shipped import files_of_scenarios, shipped, shown_name
 from trackbench.trackers.config import FilterConfig
 
 Row = tuple[str, str]
 
 
 def _scenarios() -> Iterator[Row]:
-    for name, file in available_scenarios().items():
-        try:
-            yield name, load_scenario(file).config.description
-        except InputError as error:
-            yield name, f"cannot be read: {error}"
+    return ((name, load_scenario(file).config.description) for name, file in shipped().items())
 
 
 def _table(target: str) -> Iterable[Row]:
