@@ -72,10 +72,9 @@ def _check_startable(loaded: Scenario, name: str, tracker: PluginConfig, isolati
     several = loaded.config.sensing.identities == "hidden"
     try:
         check_startable(tracker, loaded.folder, isolation, started, several, loaded.config.sensors)
-    except InputErrors as errors:
-        raise InputErrors([_with_key(error, name) for error in errors.errors]) from errors
     except InputError as error:
-        raise _with_key(error, name) from error
+        parts = error.errors if isinstance(error, InputErrors) else [error]
+        raise InputErrors([_with_key(part, name) for part in parts]) from error
     except TrackFault as fault:
         # A program that does not start fails in the result, while the other trackers run.
         if not is_program(tracker):
