@@ -68,7 +68,7 @@ BAD_SCENARIO = [
     ("highway-v0", "higway-v0", "5: truth.env: unknown highway-env id 'higway-v0'; did you mean 'highway-v0'?"),
     ("lanes_count: 2", "lane_count: 2", "6: truth.config.lane_count: unknown key; did you mean 'lanes_count'?"),
     ("vehicles_count: 4", "vehicles_count: 0", "10: truth.targets: there is no vehicle to track in highway-v0"),
-    ("rate_hz: 5", "rate_hz: 0.2, phase_s: 4", "13: sensors.lidar.phase_s: the first measurement is after the end"),
+    ("rate_hz: 5", "rate_hz: 0.2, phase_s: 4", "13: sensors.lidar.phase_s: must be a multiple of the truth step"),
     ("use: raw", "use: raw, sensors: [ldar]", "15: trackers.raw.sensors.0: the scenario has no sensor 'ldar'; did you"),
     ("use: raw", "use: rw", "15: trackers.raw.use: no tracker is published as 'rw': did you mean 'raw'?"),
     (

@@ -85,21 +85,13 @@ def test_an_unknown_name(named: str, message: str, tiny: Path, tmp_path: Path, m
     assert message in str(caught.value)
 
 
-def test_lists_those_of_the_package_and_those_of_the_folder(cli: Cli, tiny: Path) -> None:
+def test_lists_those_of_the_package(cli: Cli) -> None:
     lines = cli("list", "scenarios").out.splitlines()
     assert {line.split()[0] for line in lines if not line.startswith(" ")} == set(shipped())
-    folder = tiny.parent / "scenarios"
-    folder.mkdir()
-    tiny.rename(folder / "tiny.yaml")
-    (folder / "broken.yaml").write_text("name: [", encoding="utf-8")
-    own = [line for line in cli("list", "scenarios").out.splitlines() if line.startswith("scenarios/")]
-    assert own[0].split(maxsplit=1)[1].startswith("cannot be read: scenarios/broken.yaml:1: ")
-    assert own[1].split(maxsplit=1) == ["scenarios/tiny.yaml", "Two cars before a radar and a lidar"]
 
 
-def test_the_folder_of_a_clone_is_not_listed_twice(cli: Cli, tmp_path: Path) -> None:
+def test_a_link_to_the_folder_of_the_package(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "scenarios").symlink_to(FOLDER)
-    assert "scenarios/" not in cli("list", "scenarios").out
     assert cli("check", "scenarios/highway.yaml").out == "scenarios/highway.yaml: ok\n"
 
 

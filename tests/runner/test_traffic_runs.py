@@ -178,10 +178,10 @@ def test_expectations_of_tracks(scenario: Path, cli: Callable[..., Any]) -> None
     [
         ("associate: {method: gnn}", "", "trackers.gnn.filter: follows one object, but"),
         ("trackers:\n", "trackers:\n  raw: {use: raw}\n", "trackers.raw.use: raw follows one object, but"),
-        ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: not used with identities: hidden; remove it"),
-        ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: not used with identities: hidden; remove"),
+        ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: only used with sensing: {id"),
+        ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: only used with sensing: {id"),
         ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], score or existence is needed, not 3/5\n"),
-        ("identities: hidden", "identities: known", "the measurements say of which object they are"),
+        ("identities: hidden", "identities: known", "trackers.gnn.associate: only used with sensing: {id"),
         ("method: gnn", "method: gnn, confirm: [5, 3]", "[M, N] needs M from 1 to N"),
     ],
 )

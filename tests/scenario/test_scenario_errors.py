@@ -12,6 +12,10 @@ from trackbench.scenario import load_scenario
 
 GOOD = (DATA / "scenario.yaml").read_text(encoding="utf-8")
 
+PHASE = (
+    "must be a multiple of the truth step, which is 0.05 s, below the sensor's period, which is 0.1 s, and not after "
+    "the end; use 0.05"
+)
 FILTERS = "filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own)"
 
 # What is replaced, by what, and the messages after the file's name.
@@ -58,7 +62,7 @@ BAD = [
             ),
             (
                 "type: interference, per_minute: 1.0e+9, duration_s: 1, detection_factor: 0.5",
-                "per_minute: 1e+09 is not possible: it must be at most 6000",
+                "per_minute: 1e+09 is not possible: it should be less than or equal to 6000",
             ),
             (
                 "type: interference, per_minute: 1, duration_s: 1",
@@ -144,12 +148,12 @@ BAD = [
     (
         "range_sigma_m: 0.3",
         "range_sigma_m: -1",
-        ["14: sensors.front.range_sigma_m: -1 is not possible: it must be at least 1e-06"],
+        ["14: sensors.front.range_sigma_m: -1 is not possible: it should be greater than or equal to 0.000001"],
     ),
     (
         "detection_probability: 0.9",
         "detection_probability: 95",
-        ["17: sensors.front.detection_probability: 95 is not possible: it must be at most 1"],
+        ["17: sensors.front.detection_probability: 95 is not possible: it should be less than or equal to 1"],
     ),
     ("to_s: 6", "to_s: 5", ["18: sensors.front.dropouts.0.to_s: must be later than from_s, which is 5"]),
     ("sensors: [front, roof]", "sensors: []", ["21: trackers.ekf.sensors: must not be empty"]),
@@ -230,12 +234,12 @@ BAD = [
     (
         "rate_hz: 10",
         "rate_hz: 10, phase_s: 0.1",
-        ["19: sensors.roof.phase_s: must be below the sensor's period, which is 0.1 s"],
+        [f"19: sensors.roof.phase_s: {PHASE}"],
     ),
     (
         "rate_hz: 10",
         "rate_hz: 10, phase_s: 0.04",
-        ["19: sensors.roof.phase_s: must be a multiple of the truth step, which is 0.05 s; use 0.05"],
+        [f"19: sensors.roof.phase_s: {PHASE}"],
     ),
     (
         "settle_s: 2",
@@ -280,12 +284,12 @@ BAD = [
     (
         "below: 0.5",
         "better_than: row",
-        ["27: expect.0.better_than: the scenario has no tracker 'row'; choose from: ekf, mine, ukf"],
+        ["27: expect.0.better_than: the scenario has no other tracker 'row'; choose from: mine, ukf"],
     ),
     (
         "below: 0.5",
         "better_than: ekf",
-        ["27: expect.0.better_than: a tracker cannot be better than itself; name another one"],
+        ["27: expect.0.better_than: the scenario has no other tracker 'ekf'; did you mean 'ukf'?"],
     ),
     (
         "metric: position_rmse, below: 0.5",
@@ -301,7 +305,7 @@ BAD = [
         "rate_hz: fast, position_sigma_m: 0}\ntrackers:\n  ekf: {filter: ekg",
         [
             "19: sensors.roof.rate_hz: a number in Hz is needed, not 'fast'",
-            "19: sensors.roof.position_sigma_m: 0 is not possible: it must be at least 1e-06",
+            "19: sensors.roof.position_sigma_m: 0 is not possible: it should be greater than or equal to 0.000001",
             "21: trackers.ekf.filter: 'ekg' is not known; did you mean 'ekf'?",
         ],
     ),

@@ -124,10 +124,8 @@ def test_a_scripted_object_that_is_no_target(tmp_path: Path, cli: Callable[..., 
     assert truth_of(load_scenario(file)).truth.target.tolist() == [True, False]
     file.write_text(SCRIPTED, encoding="utf-8")
     done = cli("check", file)
-    message = "truth.objects.truck.target: with known identities every object is a target"
-    assert (done.status, done.err) == (
-        2, f"{file}:8: {message}; write sensing: {{identities: hidden}}, or remove this\n",
-    )  # fmt: skip
+    message = "truth.objects.truck.target: only used with sensing: {identities: hidden}; write that, or remove this"
+    assert (done.status, done.err) == (2, f"{file}:8: {message}\n")
     none = {"car": {"target": False}, "truck": {"target": False}}
     with pytest.raises(ValueError, match="no object is a target"):
         ScriptedTruth.model_validate({"duration_s": 1, "rate_hz": 10, "objects": none})

@@ -48,7 +48,7 @@ def test_the_scenes_are_counted_from_the_seed_or_listed() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("seeds=0", "0 is not possible: it must be at least 1"),
+        ("seeds=0", "0 is not possible: it should be greater than or equal to 1"),
         ("seeds=2.5", "a whole number is needed, not 2.5"),
         ("seeds=[]", "must not be empty"),
         ("seeds={a: 1}", "write a number of scenes, such as 20, or a list of seeds, such as [3, 5]"),
@@ -65,7 +65,12 @@ def test_a_wrong_number_of_scenes_is_refused_in_one_line(tiny: Path, setting: st
     [
         ("seed: 1\n  seeds: [3, 5]", "truth.seed", 7, "not used with a list of seeds"),
         ("seeds: [3, 5, 3]", "truth.seeds.2", 7, "3 is there already"),
-        (f"seeds: [{', '.join(map(str, range(1001)))}]", "truth.seeds", 7, "at most 1000 entries are needed, not 1001"),
+        (
+            f"seeds: [{', '.join(map(str, range(1001)))}]",
+            "truth.seeds",
+            7,
+            "it should have at most 1000 items, not 1001",
+        ),
         ("seed: 4294967295\n  seeds: 2", "truth.seeds", 8, "the last of them would be above 4294967295"),
     ],
 )

@@ -24,8 +24,8 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
     if plan.out is not None:
         results.require_writable(plan.out)
     _require_distinct_names(scenarios)
-    for note in (note for scenario in scenarios for note in check_plugins(scenario, plan.isolation)):
-        listener.note(note)
+    for scenario in scenarios:
+        check_plugins(scenario, plan.isolation)
     if plan.out is not None:
         for scenario in scenarios:
             results.require_replaceable(plan.out / scenario.config.full_name)

@@ -99,17 +99,18 @@ def run(
     listener = Counter(progress, "runs")
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
     with executor_of(workers, cluster) as chosen:
-        prepared = prepare(loaded, plan, chosen, listener)
-        finished = [ReportableResult.of(result) for result in run_prepared(prepared, plan, chosen, listener)]
+        finished = [ReportableResult.of(result) for result in run_scenarios(loaded, plan, chosen, listener)]
     return finished if isinstance(scenario, list | tuple) else finished[0]
 
 
-def run_prepared(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
-    """Run prepared scenarios and return their results; save them in the plan's folder, and compare several.
+def run_scenarios(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
+    """Prepare and run scenarios, and return their results; save them in the plan's folder, and compare several.
 
     Raises:
+        InputError: something is wrong in a scenario or its plug-ins, or the results cannot be written.
         TrackbenchError: the processes that do the work died, or a folder cannot be written.
     """
+    prepared = prepare(scenarios, plan, executor, listener)
     # Imported here: slow to import, and a mistake in a scenario is reported before it.
     from trackbench.runner.run import PendingRun
 

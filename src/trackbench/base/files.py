@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 import stat
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from trackbench.base.errors import InputError
 
@@ -48,21 +46,6 @@ def read_bytes(file: Path) -> bytes:
         raise InputError(f"cannot be read: {error.strerror}", file=file) from None
 
 
-def path_from(path: str, folder: Path, new_folder: Path) -> str:
-    """Return a relative path as seen from another folder.
-
-    Args:
-        path: file or folder, relative to ``folder`` or to the working directory; returned unchanged if it is absolute,
-            has a variable or leads nowhere.
-        folder: folder from which the path leads now.
-        new_folder: folder from which the returned path leads.
-    """
-    if "$" in path or Path(path).expanduser().is_absolute():
-        return path
-    file = next((place for place in (folder / path, Path(path)) if place.exists()), None)
-    return path if file is None else os.path.relpath(file.resolve(), new_folder.resolve())
-
-
 def read_text(file: Path, remedy: str = "") -> str:
     """Return the text of a UTF-8 file; ``remedy`` ends the error message about a file in another encoding.
 
@@ -78,18 +61,6 @@ def read_text(file: Path, remedy: str = "") -> str:
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise InputError(f"not UTF-8 text (byte 0x{raw[error.start]:02x}){remedy}", file=file, line=line) from None
-
-
-def read_json(file: Path) -> Any:
-    """Return the value in a JSON file.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        InputError: it is no regular file, or cannot be read.
-        ValueError: it is not JSON.
-        RecursionError: it is nested too deeply.
-    """
-    return json.loads(read_bytes(file))
 
 
 @cache

@@ -12,7 +12,6 @@ from typing import Any, cast
 
 import click
 
-from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry
 from trackbench.base.subjects import collected, offered, resolve
 from trackbench.cli.answer import print_answer
@@ -22,46 +21,40 @@ from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
-from trackbench.scenario.shipped import available_scenarios, files_of_scenarios, shown_name
+from trackbench.scenario.shipped import files_of_scenarios, shipped, shown_name
+from trackbench.trackers.config import FilterConfig
 
 Row = tuple[str, str]
 
 
 def _scenarios() -> Iterator[Row]:
-    for name, file in available_scenarios().items():
-        try:
-            yield name, load_scenario(file).config.description
-        except InputError as error:
-            yield name, f"cannot be read: {error}"
-
-
-def _trackers() -> Iterator[Row]:
-    from trackbench.trackers.config import FilterConfig
-    from trackbench.trackers.published import TRACKERS, options_of
-
-    def options_in_words(factory: Any) -> str:
-        options = options_of(factory)
-        if options is not None and issubclass(options, FilterConfig):
-            return "; the options of a tracker with filter:"
-        return _options(options) if options is not None else ""
-
-    return _plugins(TRACKERS, options_in_words)
+    return ((name, load_scenario(file).config.description) for name, file in shipped().items())
 
 
 def _table(target: str) -> Iterable[Row]:
     return cast("Mapping[str, str]", resolve(target)).items()
 
 
-def registered(registry: str | Registry[Any], *without: str) -> Iterator[Row]:
-    """Yield name and description of each plug-in in a registry (or ``module:attribute``), less options ``without``."""
-    return _plugins(resolve(registry) if isinstance(registry, str) else registry, partial(_options, without=without))
+def registered(source: str | Registry[Any], *without: str) -> Iterator[Row]:
+    """Yield name and description of each plug-in in a registry, or in the registry that ``module:attribute`` names.
+
+    A description is the first line of the docstring and the options except ``without``, or the reason of a failure.
+    """
+    registry: Registry[Any] = resolve(source) if isinstance(source, str) else source
+    loaded, failed = registry.loaded(), registry.failures()
+    for name in registry.names():
+        if name in failed:
+            yield name, f"failed: {failed[name]}"
+        else:
+            summary = (inspect.getdoc(loaded[name]) or "no description").splitlines()[0]
+            yield name, f"{summary.rstrip('.')}{_options(loaded[name], without)}"
 
 
 def _sensors() -> Iterator[Row]:
-    from trackbench.models.sensors import SENSOR_MODELS, Sensor
+    from trackbench.models.sensors import Sensor
     from trackbench.models.sensors.presets import list_presets
 
-    yield from _plugins(SENSOR_MODELS, lambda model: _options(model, without=tuple(Sensor.model_fields)))
+    yield from registered("trackbench.models.sensors:SENSOR_MODELS", *Sensor.model_fields)
     for preset in list_presets():
         yield preset.name, f"{preset.kind} preset: {preset.title}. {preset.source}"
 
@@ -72,22 +65,12 @@ def _truth() -> Iterator[Row]:
         yield name, f"format of recorded-traffic: {words}"
 
 
-def _plugins(registry: Registry[Any], options_in_words: Callable[[Any], str]) -> Iterator[Row]:
-    """Yield name and description of each plug-in: first line of its docstring and options, or why it fails."""
-    loaded, failed = registry.loaded(), registry.failures()
-    for name in registry.names():
-        if name in failed:
-            yield name, f"failed: {failed[name]}"
-        else:
-            summary = (inspect.getdoc(loaded[name]) or "no description").splitlines()[0]
-            yield name, f"{summary.rstrip('.')}{options_in_words(loaded[name])}"
-
-
-def _options(model: Any, without: Sequence[str] = ()) -> str:
-    """Return the options of a class, "; options a, b (m)", except the options in ``without``."""
+def _options(plugin: Any, without: Sequence[str]) -> str:
+    """Return the options that a plug-in declares, "; options a, b (m)", except the options in ``without``."""
     from trackbench.base.config.key_units import split_key
 
-    names = [field.alias or name for name, field in model.model_fields.items() if name not in without]
+    fields = getattr(getattr(plugin, "Options", plugin), "model_fields", {})
+    names = [field.alias or name for name, field in fields.items() if name not in without]
     shown = [f"{name} ({unit.words})" if (unit := split_key(name)[1]) is not None else name for name in names]
     return f"; options {', '.join(shown)}" if shown else ""
 
@@ -113,7 +96,7 @@ def _envs() -> Iterator[Row]:
 
 _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "scenarios": _scenarios,
-    "trackers": _trackers,
+    "trackers": partial(registered, "trackbench.trackers.published:TRACKERS", *FilterConfig.model_fields),
     "filters": partial(_table, "trackbench.trackers.builtin:FILTERS"),
     "motion-models": partial(registered, "trackbench.models.motion:MOTION_MODELS"),
     "sensors": _sensors,

@@ -11,8 +11,7 @@ import click
 
 from trackbench import results
 from trackbench.api.plan import RunPlan
-from trackbench.api.prepare import prepare
-from trackbench.api.run import run_prepared
+from trackbench.api.run import run_scenarios
 from trackbench.api.scenario import load_several
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
@@ -116,7 +115,7 @@ def run_command(
     for note in unchanged:
         output.note(note)
     with executor(workers, cluster) as chosen, followers(loaded, of_subjects) as output.followers:
-        finished = run_prepared(prepare(loaded, plan, chosen, output), plan, chosen, output)
+        finished = run_scenarios(loaded, plan, chosen, output)
         if junit is not None:
             from trackbench.report.junit import suite_of_run
 

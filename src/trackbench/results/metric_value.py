@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,7 +19,7 @@ from pydantic import (
 )
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.base.files import read_json
+from trackbench.base.files import read_bytes
 
 Json = dict[str, Any]
 K = TypeVar("K")
@@ -67,7 +68,7 @@ def read_model(kind: type[M], file: Path, what: str, version: int) -> M:
         InputError: the file cannot be read, or is not such a model.
     """
     try:
-        raw = read_json(file)
+        raw = json.loads(read_bytes(file))
     except FileNotFoundError:
         raise InputError("there is no such file", file=file) from None
     except (ValueError, RecursionError) as error:

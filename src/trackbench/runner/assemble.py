@@ -38,7 +38,6 @@ from trackbench.runner.tables import result_tables
 from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.scenario.check import slowed_notes
 from trackbench.scenario.worlds import MEANING
 from trackbench.sensing.scans import fingerprint_of, scan_rate
 from trackbench.truth import LoadedTruth
@@ -159,9 +158,8 @@ def assemble(
 
 def _description(loaded: Scenario) -> str:
     scenario = loaded.config
-    parts = [scenario.description, MEANING[scenario.world] if scenario.world is not None else "", *slowed_notes(loaded)]
-    parts.append(sentence_on_point(scenario.score.point))
-    return "; ".join(part for part in parts if part)
+    world = MEANING[scenario.world] if scenario.world is not None else ""
+    return "; ".join(filter(None, (scenario.description, world, sentence_on_point(scenario.score.point))))
 
 
 def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary | None:

@@ -9,10 +9,7 @@ from trackbench.base.errors import InputError, InputErrors
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.scenario.load import Scenario
-from trackbench.scenario.overrides import apply_overrides
-from trackbench.scenario.source import parse_yaml
 from trackbench.scenario.truth import own_source, require_rates
-from trackbench.scenario.worlds import RECORDED_HZ, slowed_sensors
 from trackbench.trackers.config import PluginConfig
 from trackbench.truth.config.traffic import TracksConfig, read_tracks
 
@@ -23,7 +20,7 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Check the truth's environment or recording, and the options of each plug-in; no plug-in is started.
 
     Returns:
-        Notes, one per line: on the rows of a recording that are used or left out, and on sensors that are slowed.
+        Notes, one per line, on the rows of a recording that are used or left out.
 
     Raises:
         InputError: highway-env or a plug-in does not accept an option, or the recording is wrong; with every fault,
@@ -36,30 +33,16 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         require_rates(loaded)
 
     _run_all(loaded, [check_truth, *_tracker_checks(loaded, isolation, started=False)])
-    return [*notes, *slowed_notes(loaded)]
+    return notes
 
 
-def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
+def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     """Start each plug-in once, before a run, to find the ones that fail.
-
-    Returns:
-        A note for each sensor that the world ``recorded`` slows to the rate of recorded traffic.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options; with every such plug-in, file and line.
     """
     _run_all(loaded, list(_tracker_checks(loaded, isolation, started=True)))
-    return slowed_notes(loaded)
-
-
-def slowed_notes(loaded: Scenario) -> list[str]:
-    """Return a note for each sensor that the world ``recorded`` slows to the rate of recorded traffic."""
-    if loaded.config.world != "recorded":
-        return []
-    why = f"{RECORDED_HZ} Hz: the traffic of this world is recorded at {RECORDED_HZ} Hz"
-    written = apply_overrides(parse_yaml(loaded.text, str(loaded.path)), loaded.overrides)
-    slowed = slowed_sensors(written.value)
-    return [f"sensors.{name}.rate_hz: changed from {rate:g} to {why}" for name, rate in slowed.items()]
 
 
 def _run_all(loaded: Scenario, steps: list[Step]) -> None:
@@ -89,10 +72,9 @@ def _check_startable(loaded: Scenario, name: str, tracker: PluginConfig, isolati
     several = loaded.config.sensing.identities == "hidden"
     try:
         check_startable(tracker, loaded.folder, isolation, started, several, loaded.config.sensors)
-    except InputErrors as errors:
-        raise InputErrors([_with_key(error, name) for error in errors.errors]) from errors
     except InputError as error:
-        raise _with_key(error, name) from error
+        parts = error.errors if isinstance(error, InputErrors) else [error]
+        raise InputErrors([_with_key(part, name) for part in parts]) from error
     except TrackFault as fault:
         # A program that does not start fails in the result, while the other trackers run.
         if not is_program(tracker):

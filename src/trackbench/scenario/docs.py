@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -30,8 +30,8 @@ HEADINGS: dict[str, str] = _EXAMPLES["headings"]
 
 #: Key, type, default and meaning of a key.
 Row = tuple[str, str, str, str]
-#: Rows that an earlier table of the page has too are replaced by a link, if there are at least this many.
-FEWEST_REPEATED = 2
+#: Rows that the page has above are listed by key alone if there are at least this many.
+FEWEST_REPEATED = 3
 #: Bounds beyond this number or below its inverse only refuse nonsense, and are not shown.
 VAST = 1e4
 #: Page on which the classes of a key are described, where it is the page of another key.
@@ -59,91 +59,66 @@ A relative path starts in the scenario's folder, or in the working directory. En
 def scenario_pages() -> dict[str, str]:
     """Return the text of each page on the scenario file, by its path in the folder of the documentation."""
     schema = json_schema()
-    sections = [key for key in schema["properties"] if key in EXAMPLES]
-    rows = _table(_rows({**schema, "$defs": {}}, {key: f"[`{key}`](scenario-file/{key}.md)" for key in sections}))
-    tree = "\n".join(f"scenario-file/{key}" for key in sections)
+    fields, parts = schema["properties"], schema["$defs"]
+    rows = _table(_rows(schema, "[`{0}`](scenario-file/{0}.md)"))
+    tree = "\n".join(f"scenario-file/{key}" for key in fields)
     pages = {"scenario-file.md": [INTRODUCTION, rows, f"```{{toctree}}\n:hidden:\n\n{tree}\n```"]}
     described: set[str] = set()
-    for key in sections:
-        field = schema["properties"][key]
+    for key, field in fields.items():
         head = [f"# `{key}`", NOTE, field["description"], _yaml(EXAMPLES[key])]
-        pages[f"scenario-file/{key}.md"] = [*head, *_described(field, "", schema["$defs"], described, key, {})]
-    return {path: "\n\n".join(block.strip("\n") for block in blocks) + "\n" for path, blocks in pages.items()}
+        pages[f"scenario-file/{key}.md"] = [*head, *_described(field, key, parts, described, set(), key)]
+    return {path: "\n\n".join(block.strip("\n") for block in blocks if block) + "\n" for path, blocks in pages.items()}
 
 
 def _described(
-    field: Schema, key: str, parts: Schema, described: set[str], page: str, listed: dict[Row, str]
+    field: Schema, key: str, parts: Schema, described: set[str], listed: set[Row], page: str
 ) -> Iterator[str]:
     """Yield Markdown on the classes that a key's value may have and on the classes inside them, each class once.
 
-    ``described`` gains the names of these classes; ``listed`` gains the rows of their tables, with the table's heading.
+    ``described`` gains the names of these classes, and ``listed`` the rows of their tables.
     """
-    for name, several in _references(field):
+    for name in re.findall(r'"#/\$defs/(\w+)"', json.dumps(field)):
         if name in described:
             continue
         described.add(name)
         part = parts[name]
-        named = [
-            (key if "$comment" in item else name, item) for name, item in part["properties"].items() if "const" in item
-        ]
-        kind = next((f"{name}: {item['const']}" for name, item in named), None)
-        heading = HEADINGS.get(name, f"`{kind}`" if kind else f"Each of `{key}`" if several else f"`{key}`")
-        if name in HEADINGS or key or kind:
-            yield f"## {heading}"
+        fixed = [(inner, item) for inner, item in part["properties"].items() if "const" in item]
+        kinds = (f"`{key if '$comment' in item else inner}: {item['const']}`" for inner, item in fixed)
+        heading = HEADINGS.get(name) or next(kinds, f"`{key}`")
+        yield "" if heading == f"`{page}`" else f"## {heading}"
         yield inspect.cleandoc(part["description"])
         if name in OTHER_EXAMPLES:
             yield _yaml(OTHER_EXAMPLES[name])
-        # A heading such as `type: bias` says what the row of that key would say.
-        rows = [row for row in _rows(part) if heading != f"`{row[0].strip('`')}: {row[1].strip('`')}`"]
-        repeated = _repeated(rows, listed)
-        new = [row for row in rows if row not in repeated]
-        yield _table(new)
-        for earlier in dict.fromkeys(repeated.values()):
-            keys = ", ".join(row[0] for row, place in repeated.items() if place == earlier)
-            yield f"{'Further keys' if new else 'Keys'}, as in [{earlier}](#{_anchor(earlier)}): {keys}."
-        listed |= {row: heading for row in rows if row not in listed}
+        rows = _rows(part)
+        repeated = [row for row in rows if row in listed]
+        is_whole = len(repeated) < FEWEST_REPEATED
+        yield _table([row for row in rows if is_whole or row not in listed])
+        yield "" if is_whole else f"Further keys, explained above: {', '.join(row[0] for row in repeated)}."
+        listed.update(rows)
         for inner, value in part["properties"].items():
             if "$comment" not in value and HOMES.get(inner, page) == page:
-                yield from _described(value, inner, parts, described, page, listed)
-
-
-def _references(field: Schema, several: bool = False) -> Iterator[tuple[str, bool]]:
-    """Yield each class that a schema refers to, and whether a value may hold several of it."""
-    if "$ref" in field:
-        yield field["$ref"].rpartition("/")[2], several
-    for form in (*field.get("anyOf", ()), *field.get("oneOf", ())):
-        yield from _references(form, several)
-    for inner in (field.get("items"), field.get("additionalProperties"), *field.get("patternProperties", {}).values()):
-        if isinstance(inner, dict):
-            yield from _references(inner, True)
+                yield from _described(value, inner, parts, described, listed, page)
 
 
 def _yaml(text: str) -> str:
     return f"```yaml\n{text}```"
 
 
-def _rows(part: Schema, shown: dict[str, str] = {}) -> list[Row]:  # noqa: B006
-    """Return the table rows of a class, one per key, but for options of plug-ins; ``shown``: key as printed, by key."""
-    rows = []
-    choices = [set(form.get("required", ())) for form in part.get("anyOf", ())]
-    for key, field in part["properties"].items():
-        if "$comment" in field:
-            continue
-        default = "required" if key in part.get("required", ()) else _value(field.get("default"))
-        if {"preset"} in choices and key in choices[0]:
-            default = "required, or from the preset"
-        rows.append((shown.get(key, f"`{key}`"), _type(field), default, field.get("description", "")))
-    return rows
-
-
-def _repeated(rows: list[Row], listed: dict[Row, str]) -> dict[Row, str]:
-    """Return the rows that an earlier table has too, by row its heading; empty if fewer than ``FEWEST_REPEATED``."""
-    headings = Counter(listed[row] for row in rows if row in listed)
-    return {row: listed[row] for row in rows if headings[listed.get(row, "")] >= FEWEST_REPEATED}
-
-
-def _anchor(heading: str) -> str:
-    return re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-")
+def _rows(part: Schema, shown: str = "`{0}`") -> list[Row]:
+    """Return the table rows of a class: a key as ``shown``, or none if a heading has its only possible value."""
+    required = {*part.get("required", ())}
+    if "preset" in part["properties"]:
+        required |= {*part["anyOf"][0]["required"]}
+    return [
+        (
+            shown.format(key),
+            _type(field),
+            "required" if key in required else _value(field.get("default")),
+            field.get("description", ""),
+        )
+        for key, field in part["properties"].items()
+        if "$comment" not in field and "const" not in field
+    ]
 
 
 def _table(rows: list[Row]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from trackbench.base.config import KeyPath
 from trackbench.base.config.messages import explain
 from trackbench.base.errors import InputError, InputErrors, counted, nearest_choices
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.scenario.overrides import apply_overrides, expand_sweeps
+from trackbench.scenario.overrides import apply_overrides, expand_sweeps, with_moved_paths
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, parse_yaml
 from trackbench.scenario.worlds import WORLDS, NoSuchWorldError, changes
@@ -232,11 +231,8 @@ def written_with_changes(loaded: Scenario, folder: Path) -> str:
 
     Args:
         loaded: the scenario.
-        folder: folder of the new file; the path of a recorded truth is made relative to it.
+        folder: folder of the new file; the paths of a recorded truth are made relative to it.
     """
-    changes = [*loaded.overrides]
-    truth = loaded.document.value["truth"]
-    if isinstance(truth, dict) and isinstance(truth.get("path"), str):
-        changes.append(f"truth.path={json.dumps(files.path_from(truth['path'], loaded.folder, folder))}")
-    document = apply_overrides(parse_yaml(loaded.text, "scenario"), changes)
-    return yaml.safe_dump(document.value, sort_keys=False, width=WIDTH, allow_unicode=True)
+    value = apply_overrides(parse_yaml(loaded.text, "scenario"), loaded.overrides).value
+    value["truth"] = with_moved_paths(value["truth"], loaded.folder, folder)
+    return yaml.safe_dump(value, sort_keys=False, width=WIDTH, allow_unicode=True)

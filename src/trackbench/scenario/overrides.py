@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import copy
+import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice, product
+from pathlib import Path
 from typing import Any
 
 from trackbench.base.config import KeyPath
@@ -156,16 +158,22 @@ def _name_part(value: Any) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "-", str(value))
 
 
-def with_moved_paths(node: Any, move: Callable[[str], str], is_path: bool = False) -> Any:
-    """Return a part of a scenario in which ``move`` has changed each value of a key ``path``, text or list.
+def with_moved_paths(node: Any, folder: Path, new_folder: Path, is_path: bool = False) -> Any:
+    """Return a part of a scenario with each value of a key ``path`` as seen from another folder.
+
+    A path that is absolute, has a variable or leads nowhere is left unchanged.
 
     Args:
         node: the part of the scenario: mapping, list or plain value.
-        move: function from an old path to the new path.
+        folder: folder in which relative paths start now, before the working directory.
+        new_folder: folder in which they are to start.
         is_path: whether ``node`` is itself the value of a ``path``.
     """
     if isinstance(node, dict):
-        return {key: with_moved_paths(value, move, key == "path") for key, value in node.items()}
+        return {key: with_moved_paths(value, folder, new_folder, key == "path") for key, value in node.items()}
     if is_path and isinstance(node, list):
-        return [with_moved_paths(item, move, True) for item in node]
-    return move(node) if is_path and isinstance(node, str) else node
+        return [with_moved_paths(item, folder, new_folder, True) for item in node]
+    if not is_path or not isinstance(node, str) or "$" in node or Path(node).expanduser().is_absolute():
+        return node
+    file = next((place for place in (folder / node, Path(node)) if place.exists()), None)
+    return node if file is None else os.path.relpath(file.resolve(), new_folder.resolve())

@@ -18,13 +18,6 @@ def shipped() -> dict[str, Path]:
     return {_name(file): file for file in sorted(FOLDER.rglob(PATTERN))}
 
 
-def available_scenarios() -> dict[str, Path]:
-    """Return the package's scenario files, by name, and the files in ``./scenarios``, by path."""
-    folder = Path("scenarios")
-    files = [] if folder.resolve() == FOLDER.resolve() else sorted(folder.rglob(PATTERN))
-    return shipped() | {str(file): file for file in files}
-
-
 def find_scenario(named: Path | str) -> Path:
     """Return the file or folder that a path, or the name of a scenario or folder of the package, stands for.
 

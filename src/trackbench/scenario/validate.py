@@ -23,17 +23,13 @@ from trackbench.truth.sources import RecordingTruth
 
 #: Times that differ by less are equal, s: a difference of times has rounding errors.
 ROUNDING = 1e-9
-#: Keys of a sensor that are refused with known identities, and the reasons.
-NEED_HIDDEN = {
-    "clutter": "a false alarm has no identity",
-    "resolution": "a detection of two vehicles has no single identity",
-    "states": "trackers are told of this only without identities",
-}
-#: Keys of the scores that are refused with hidden identities.
-NEED_KNOWN = ("settle_s", "each", "divergence_m", "lost_after_s", "min_coverage", "reference")
+#: Keys of a sensor that are only used with hidden identities.
+SENSOR_HIDDEN = ("clutter", "resolution", "states")
+#: Keys of the scores that are only used with hidden identities, and with known ones.
+SCORE_HIDDEN = ("cutoff_m", "switch_costs_s")
+SCORE_KNOWN = ("settle_s", "each", "divergence_m", "lost_after_s", "min_coverage", "reference")
 #: Value of ``sensing.identities`` that gives what a metric needs.
 IDENTITIES = {"labels": "known", "tracks": "hidden"}
-REMEDY = "write sensing: {identities: hidden}, or remove this"
 #: Keys of a sensor that only simulated measurements obey; recorded ones are taken as they are.
 SYNTHETIC = (
     "rate_hz",
@@ -57,7 +53,11 @@ def validate(scenario: ScenarioKeys) -> Iterator[Problem]:
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None and name not in fed:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
-    yield from (_if_hidden(scenario) if scenario.sensing.identities == "hidden" else _if_known(scenario))
+    is_hidden = scenario.sensing.identities == "hidden"
+    other = "known" if is_hidden else "hidden"
+    for path in _of_other_identities(scenario, is_hidden):
+        yield Problem(path, f"only used with sensing: {{identities: {other}}}; write that, or remove this")
+    yield from _single_object_trackers(scenario) if is_hidden else ()
     yield from _external_tracks(scenario)
     yield from _scored_point(scenario)
     yield from collected("checks", scenario)
@@ -96,63 +96,59 @@ def _times(scenario: ScenarioKeys, truth: SteppedTruth) -> Iterator[Problem]:
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None:
             continue
-        phase = ("sensors", name, "phase_s")
         if not _is_whole(truth.rate_hz / sensor.rate_hz):
             rates = [rate for rate in range(1, truth.rate_hz + 1) if truth.rate_hz % rate == 0]
             below = sum(rate < sensor.rate_hz for rate in rates)
             use = " or ".join(map(str, rates[max(below - 1, 0) : below + 1]))
             message = f"{sensor.rate_hz:g} Hz does not divide truth.rate_hz, which is {truth.rate_hz}; use {use}"
             yield Problem(("sensors", name, "rate_hz"), message)
-        elif sensor.phase_s * sensor.rate_hz >= 1:
-            yield Problem(phase, f"must be below the sensor's period, which is {1 / sensor.rate_hz:g} s")
-        elif sensor.phase_s > truth.duration_s:
-            yield Problem(phase, f"the first measurement is after the end, which is at {truth.duration_s:g} s")
-        elif not _is_whole(sensor.phase_s * truth.rate_hz):
-            near_s = round(sensor.phase_s * truth.rate_hz) / truth.rate_hz
-            step = f"must be a multiple of the truth step, which is {1 / truth.rate_hz:g} s"
-            yield Problem(phase, f"{step}; use {near_s:g}")
+            continue
+        step_s, period_s = 1 / truth.rate_hz, 1 / sensor.rate_hz
+        most = min(round(period_s / step_s) - 1, math.floor(truth.duration_s / step_s + ROUNDING))
+        near_s = min(round(sensor.phase_s / step_s), most) * step_s
+        if abs(sensor.phase_s - near_s) > 1e-6 * step_s:
+            limits = f"below the sensor's period, which is {period_s:g} s, and not after the end"
+            message = f"must be a multiple of the truth step, which is {step_s:g} s, {limits}; use {near_s:g}"
+            yield Problem(("sensors", name, "phase_s"), message)
 
 
 def _is_whole(value: float) -> bool:
     return math.isfinite(value) and abs(value - round(value)) < 1e-6
 
 
-def _if_known(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield a problem for each key that needs hidden identities, in a scenario with known identities."""
+def _of_other_identities(scenario: ScenarioKeys, is_hidden: bool) -> Iterator[KeyPath]:
+    """Yield the path of each key that is only used with the other value of ``sensing.identities``."""
+    if any(("labels" if is_hidden else "tracks") in metric.needs for metric in scenario.score.metrics):
+        yield "score", "metrics"
+    score_keys = SCORE_KNOWN if is_hidden else SCORE_HIDDEN
+    yield from (("score", key) for key in score_keys if key in scenario.score.model_fields_set)
+    if is_hidden:
+        return
     for name, sensor in scenario.sensors.items():
-        for key, reason in NEED_HIDDEN.items():
-            if key in sensor.model_fields_set:
-                yield Problem(("sensors", name, key), f"{reason}; {REMEDY}")
+        yield from (("sensors", name, key) for key in SENSOR_HIDDEN if key in sensor.model_fields_set)
     for name, tracker in scenario.trackers.items():
         if isinstance(tracker, FilterConfig) and tracker.associate is not None:
-            yield Problem(("trackers", name, "associate"), f"the measurements say of which object they are; {REMEDY}")
-    if any("tracks" in metric.needs for metric in scenario.score.metrics):
-        yield Problem(("score", "metrics"), f"are of tracks; {REMEDY}")
-    for key in ("cutoff_m", "switch_costs_s"):
-        if key in scenario.score.model_fields_set:
-            yield Problem(("score", key), f"is of tracks; {REMEDY}")
+            yield "trackers", name, "associate"
     truth = scenario.truth
     if isinstance(truth, HighwayOptions) and truth.others_within_m is not None:
-        yield Problem(("truth", "others_within_m"), f"with known identities only targets are measured; {REMEDY}")
+        yield "truth", "others_within_m"
     for name, body in truth.objects.items() if isinstance(truth, ScriptedOptions) else ():
         if not body.target:
-            message = f"with known identities every object is a target; {REMEDY}"
-            yield Problem(("truth", "objects", name, "target"), message)
+            yield "truth", "objects", name, "target"
+    if isinstance(truth, RecordingTruth):
+        yield from (("truth", "reference", key) for key in truth.reference.of_tracks)
+        if truth.stretches is not None:
+            yield "truth", "stretches"
 
 
-def _if_hidden(scenario: ScenarioKeys) -> Iterator[Problem]:
-    """Yield a problem for each key or tracker that needs known identities, in a scenario with hidden ones."""
+def _single_object_trackers(scenario: ScenarioKeys) -> Iterator[Problem]:
+    """Yield a problem for each tracker that follows one object, in a scenario with hidden identities."""
+    alone = "follows one object, but hidden identities need a tracker of several"
     for name, tracker in scenario.trackers.items():
-        alone = "follows one object, but hidden identities need a tracker of several"
         if isinstance(tracker, FilterConfig) and tracker.associate is None:
             yield Problem(("trackers", name, "filter"), f"{alone}; add associate: {{method: gnn}}")
         elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.reference).startswith("trackbench."):
             yield Problem(("trackers", name, "use"), f"{tracker.use} {alone}; use a filter with associate")
-    if any("labels" in metric.needs for metric in scenario.score.metrics):
-        yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")
-    for key in NEED_KNOWN:
-        if key in scenario.score.model_fields_set:
-            yield Problem(("score", key), "not used with identities: hidden; remove it")
 
 
 def _external_tracks(scenario: ScenarioKeys) -> Iterator[Problem]:
@@ -304,9 +300,7 @@ def _limit(
         yield Problem(("is",), f"{path} is never {word!r}; {nearest_choices(word, metric.words)}")
     if rival is None:
         return
-    yield from _unknown(("better_than",), "tracker", rival, scenario.trackers)
-    if rival == expectation.tracker:
-        yield Problem(("better_than",), "a tracker cannot be better than itself; name another one")
+    yield from _unknown(("better_than",), "other tracker", rival, {*scenario.trackers} - {expectation.tracker})
     if not metric.compared:
         compared = ", ".join(name for name, entry in metrics.items() if entry.compared)
         yield Problem(("better_than",), f"trackers are not compared by {path}; only by {compared}")
@@ -365,11 +359,6 @@ def _columns(truth: RecordingTruth, kinds: Mapping[str, str]) -> Iterator[Proble
 def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Problem]:
     """Yield contradictions between a recording and ``sensing.identities``."""
     is_known = scenario.sensing.identities == "known"
-    only = "only used with sensing: {identities: hidden}; remove"
-    for key in truth.reference.of_tracks if is_known else ():
-        yield Problem(("truth", "reference", key), only)
-    if is_known and truth.stretches is not None:
-        yield Problem(("truth", "stretches"), f"{only}: errors have intervals without it")
     if truth.stretches is not None and scenario.monte_carlo.runs > 1:
         message = "only used with monte_carlo: {runs: 1}, since several runs already give intervals; remove"
         yield Problem(("truth", "stretches"), message)

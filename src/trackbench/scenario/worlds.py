@@ -14,16 +14,17 @@ from trackbench.models.sensors.presets import presets
 
 World = Literal["ideal", "human", "typical", "recorded"]
 WORLDS: tuple[World, ...] = get_args(World)
+#: Rate of the recorded traffic, Hz; no sensor can be faster there.
+RECORDED_HZ = 10
 MEANING: dict[World, str] = {
     "ideal": "steady drivers where they are simulated, ideal sensors",
     "human": "human drivers, ideal sensors",
     "typical": "human drivers where they are simulated, typical sensors from which vehicles hide others",
-    "recorded": "recorded traffic, typical sensors from which vehicles hide others",
+    "recorded": f"recorded traffic (NGSIM I-80 for simulated, with sensors of at most {RECORDED_HZ} Hz), typical "
+    "sensors from which vehicles hide others",
 }
 #: Environments of highway-env on a motorway, like the recordings that come with the package.
 MOTORWAYS = ("highway-v0", "highway-fast-v0", "merge-v0", "merge-generic-v0", "two-way-v0", "exit-v0")
-#: Rate of the recorded traffic, Hz; no sensor can be faster there.
-RECORDED_HZ = 10
 #: Observers of the recorded scenes, cars of NGSIM I-80 that are so far apart that no other car is in two scenes.
 I80_CARS = ["13", "36", "51", "60", "66", "74", "294", "309", "311", "331"]
 #: Truth of the world ``recorded``: NGSIM I-80, smoothed.
@@ -45,26 +46,6 @@ def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
     return [*_truth(truth, world), *_sensors(sensors, world, truth.get("source") == "recorded-traffic")]
 
 
-def slowed_sensors(scenario: Mapping[str, Any]) -> dict[str, float]:
-    """Return the rate, Hz, stated for each sensor that the world ``recorded`` slows, by name.
-
-    Args:
-        scenario: keys and values as written, before the changes of the world.
-    """
-    truth, sensors = (part if isinstance(part := scenario.get(key), dict) else {} for key in ("truth", "sensors"))
-    if scenario.get("world") != "recorded" or truth.get("source") == "recorded-traffic":
-        return {}
-    rates = {name: _stated_rate(sensor) for name, sensor in sensors.items() if isinstance(sensor, dict)}
-    return {name: rate for name, rate in rates.items() if rate is not None and rate > RECORDED_HZ}
-
-
-def _stated_rate(sensor: Mapping[str, Any]) -> float | None:
-    """Return the rate that a sensor or its preset states, Hz; None if neither states a number."""
-    preset = presets().get(str(sensor.get("preset")))
-    rate = sensor.get("rate_hz", preset and preset.values.get("rate_hz"))
-    return rate if isinstance(rate, int | float) else None
-
-
 def _sensors(sensors: Mapping[str, Any], world: World, recorded: bool) -> Iterator[str]:
     effects = "typical" if world in ("typical", "recorded") else "ideal"
     for name, sensor in sensors.items():
@@ -74,8 +55,9 @@ def _sensors(sensors: Mapping[str, Any], world: World, recorded: bool) -> Iterat
         if effects == "typical":
             _refuse_another(keys.get("occlusion"), True, world, f"sensors.{name}.occlusion")
             yield f"sensors.{name}.occlusion=true"
-        rate = _stated_rate(keys)
-        if world == "recorded" and not recorded and (rate is None or rate > RECORDED_HZ):
+        preset = presets().get(str(keys.get("preset")))
+        rate = keys.get("rate_hz", preset and preset.values.get("rate_hz"))
+        if world == "recorded" and not recorded and not (isinstance(rate, int | float) and rate <= RECORDED_HZ):
             yield f"sensors.{name}.rate_hz={RECORDED_HZ}"
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -34,18 +33,9 @@ from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.published import create
 
 
-@dataclass(frozen=True)
-class Check:
-    """Rule of the contract, and whether the tracker keeps it."""
-
-    rule: str
-    problem: str | None
-    """Description of the breach; None for a rule that is kept."""
-
-
 def check_tracker(
     use: str | Mapping[str, Any] | Callable[..., Any], *, identities: Identities = "known", **options: Any
-) -> list[Check]:
+) -> list[str]:
     """Check a tracker on short synthetic drives, used as in the bench.
 
     Args:
@@ -55,7 +45,7 @@ def check_tracker(
         options: options that a scenario would set.
 
     Returns:
-        The rules, all kept; for a tracker with ``random = True`` only the rules that allow random answers.
+        The rules that the tracker keeps; with ``random = True`` only the rules that allow random answers.
 
     Raises:
         TrackerCheckError: a rule is broken; the text lists all broken rules.
@@ -68,18 +58,18 @@ def check_tracker(
         chosen = rules if _draws(make) else rules | repeating
         # A program keeps its state itself, so that the rule on a passed state does not apply.
         skipped_rule = STATE_KEPT if isinstance(use, Mapping) else None
-        checks = [Check(rule, _problem(test, make)) for rule, test in chosen.items() if rule != skipped_rule]
+        applied = [rule for rule in chosen if rule != skipped_rule]
         broken: dict[str, list[str]] = {}
-        for check in checks:
-            if check.problem:
-                broken.setdefault(check.problem, []).append(check.rule)
+        for rule in applied:
+            if problem := _problem(chosen[rule], make):
+                broken.setdefault(problem, []).append(rule)
         if broken and _is_of_other_kind(make, identities):
             raise TrackerCheckError(OF_OTHER_KIND[identities])
     if broken:
         # A problem that breaks several rules has one line.
         lines = [f"- {'; '.join(names)}: {problem}" for problem, names in broken.items()]
         raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(lines))
-    return checks
+    return applied
 
 
 def _maker(

@@ -20,7 +20,7 @@ from tests.base.execution.results import without_times
 
 from trackbench.api.plan import Listener, RunPlan
 from trackbench.api.prepare import prepare
-from trackbench.api.run import run_prepared as run_all
+from trackbench.api.run import run_scenarios
 from trackbench.base import execution
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.execution import Executor, executor
@@ -104,7 +104,7 @@ def test_the_blocks_of_several_scenarios_are_made_at_once(write: Write, cluster:
     ordered = Ordered()
     plan = RunPlan(workers=1 if cluster else 2, cluster=cluster)
     scenarios = [write(name, "monte_carlo.runs=2") for name in ("one", "two", "three")]
-    found = run_all(prepare(scenarios, plan, ordered, Listener()), plan, ordered, Listener())
+    found = run_scenarios(scenarios, plan, ordered, Listener())
     assert ordered.events == ["asked for run_blocks"] * 3 + ["run_blocks"] * 3
     assert [result.summary.scenario.name for result in found] == ["one", "two", "three"]
 

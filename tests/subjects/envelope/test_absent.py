@@ -7,7 +7,6 @@ from tests.subjects.envelope.conftest import map_of
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.scenario.check import check
 from trackbench.scenario.load import load_scenario
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.claim import AbsentCells, Claim
@@ -59,20 +58,3 @@ def test_the_motion_of_a_recording_is_no_axis_either() -> None:
     assert task.absent_at(("recorded", 10.0)) == AbsentCells(
         at={"world": "recorded", "cars": 10.0}, reason="the truth is recorded"
     )
-
-
-@pytest.mark.parametrize(
-    ("world", "rate", "notes"),
-    [
-        ("recorded", "20", ["sensors.front_radar.rate_hz: changed from 20 to 10 Hz: the traffic of this world is "]),
-        ("recorded", "10", []),
-        ("recorded", "5", []),
-        ("ideal", "20", []),
-        ("typical", "20", []),
-    ],
-)
-def test_a_changed_rate_is_said(world: str, rate: str, notes: list[str]) -> None:
-    loaded = load_scenario(QUALITY, [f"world={world}", f"sensors.front_radar.rate_hz={rate}"])
-    said = [note for note in check(loaded) if "rate_hz" in note]
-    assert len(said) == len(notes)
-    assert all(note.startswith(start) for note, start in zip(said, notes, strict=True))

@@ -56,7 +56,7 @@ class SensorModel(Config, ABC):
     type: str = Field("", description="Type of the sensor.")
     preset: str | None = Field(
         None,
-        description="A real sensor whose published figures are the defaults of the other keys "
+        description="A real sensor whose published figures are the defaults of the other keys, of required ones too "
         "(`trackbench list sensors` shows them).",
     )
     rate_hz: float | None = Field(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import textwrap
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ import click
 
 from trackbench import results
 from trackbench.base.errors import InputError
-from trackbench.base.files import read_json
+from trackbench.base.files import read_bytes
 from trackbench.cli.answer import print_answer
 from trackbench.cli.options import isolation_options, out_option
 from trackbench.cli.terminal import progress
@@ -154,7 +155,7 @@ def require_tracker(tracker: str) -> None:
         InputError: a Python file, or the folder of a run, is named.
     """
     for run in Path(tracker).glob(f"**/{results.SUMMARY}") if Path(tracker).is_dir() else ():
-        trackers = ", ".join(f"SCENARIO#{entry['name']}" for entry in read_json(run)["trackers"])
+        trackers = ", ".join(f"SCENARIO#{entry['name']}" for entry in json.loads(read_bytes(run))["trackers"])
         raise InputError(f"this is the folder of a run: name a tracker of its scenario: {trackers}", file=run.parent)
     file = Path(tracker) if tracker.endswith(".py") else Path(f"{tracker}.py")
     if ":" not in tracker and "#" not in tracker and file.is_file():

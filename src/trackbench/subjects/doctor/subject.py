@@ -14,7 +14,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.driving.start import fresh, fresh_tracks
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.scenario.shipped import available_scenarios
+from trackbench.scenario.shipped import shipped
 from trackbench.scenario.truth import truth_of
 from trackbench.subjects.doctor.probes import RATES, Carrier, carrier_of, examination_rate
 from trackbench.testing.rules import Identities
@@ -71,7 +71,7 @@ def find_tracker(
         TrackFault: the tracker's process ended while it started.
     """
     file, mark, name = target.rpartition("#")
-    if not mark and (Path(target).suffix in (".yaml", ".yml") or target in available_scenarios()):
+    if not mark and (Path(target).suffix in (".yaml", ".yml") or target in shipped()):
         trackers = [f"{target}#{name}" for name in load_scenario(target).config.trackers]
         raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=target)
     sensor_scenario = None if scenario is None else load_scenario(scenario)

@@ -61,8 +61,7 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
         TrackbenchError: the processes that do the work died.
     """
     task = task_of(loaded)
-    for note in check_plugins(task.loaded, plan.isolation):
-        listener.note(note)
+    check_plugins(task.loaded, plan.isolation)
     store = Store(plan.store, map_signature(task, plan))
     envelope_map = EnvelopeMap(task, executor, plan.isolation, plan.engine, store)
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.api.plan import Listener, RunPlan
-from trackbench.api.prepare import prepare
-from trackbench.api.run import run_prepared
+from trackbench.api.run import run_scenarios
 from trackbench.base.types import Array
 from trackbench.results import Result
 from trackbench.runner.tables import run_values
@@ -170,8 +169,8 @@ class CounterMaker:
         if self._task.config.claim == "traffic like these":
             changes.append(f"truth.seeds={max(1, extent.scenes)}")
         loaded = changed_scenario(cell.loaded, changes, [tracker])
-        plan, executor = RunPlan(isolation=self._map.isolation, engine=self._map.engine_choice), self._map.executor
-        (result,) = run_prepared(prepare([loaded], plan, executor, Listener()), plan, executor, Listener())
+        plan = RunPlan(isolation=self._map.isolation, engine=self._map.engine_choice)
+        (result,) = run_scenarios([loaded], plan, self._map.executor, Listener())
         self.shown[folder] = ShownExample(loaded, result)
         return result
 

@@ -13,7 +13,6 @@ import yaml
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
-from trackbench.base.files import path_from
 from trackbench.base.types import Progress, no_progress
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
@@ -63,7 +62,7 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
         for key, value in finding.changes.items():
             set_value(tree, key, value)
     if folder is not None:
-        tree["truth"] = with_moved_paths(tree["truth"], lambda path: path_from(path, loaded.folder, folder))
+        tree["truth"] = with_moved_paths(tree["truth"], loaded.folder, folder)
     lines = [f"# {finding.title}." + ("" if finding.changes else " Not put in.") for finding in findings]
     head = [f"# {loaded.path.name} with the findings of `trackbench audit` put in:", *(lines or ["# none."])]
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)

@@ -73,8 +73,7 @@ def score_command(
     failed, 4 cannot write
     """
     from trackbench.api.plan import RunPlan
-    from trackbench.api.prepare import prepare
-    from trackbench.api.run import run_prepared
+    from trackbench.api.run import run_scenarios
     from trackbench.base.errors import InputError
     from trackbench.base.execution import Executor
     from trackbench.base.files import write_whole
@@ -96,10 +95,8 @@ def score_command(
     for limit in limits:
         limit.require_files(len(loaded.config.trackers))
     output = RunOutput(as_json, quiet)
-    plan, executor = RunPlan(out, left_out=left_out), Executor()
-    prepared = prepare([loaded], plan, executor, output)
+    (result,) = run_scenarios([loaded], RunPlan(out, left_out=left_out), Executor(), output)
     write_whole(loaded.path, loaded.text.encode())
-    (result,) = run_prepared(prepared, plan, executor, output)
     judgements = judge_gates(limits, result)
     cases = [item.case(result.name) for item in judgements]
     for case in [] if as_json else cases:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from pydantic import AwareDatetime
 
 from trackbench.base.errors import InputError, similar_path_hint
-from trackbench.base.files import read_json
+from trackbench.base.files import read_bytes
 from trackbench.results.checks import why_other_content
 from trackbench.results.folder import sha256
 from trackbench.results.metric_value import ResultModel, model_of
@@ -142,7 +142,7 @@ def read_entry(place: Path, suite: Path | None = None) -> StoredEntry:
         raise InputError("this is a file; name the folder of an entry", file=place)
     file = place if place.name == ENTRY else place / ENTRY
     try:
-        raw = read_json(file)
+        raw = json.loads(read_bytes(file))
     except FileNotFoundError:
         hint = similar_path_hint(place) if not place.exists() else "; `trackbench suite run` writes one"
         raise InputError(f"there is no {ENTRY}{hint}", file=place) from None

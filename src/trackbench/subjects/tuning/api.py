@@ -75,8 +75,7 @@ def tune_trackers(
         for name in tuned:
             require_tunable(item, name)
     for item in chosen:
-        for note in check_plugins(item, plan.isolation):
-            listener.note(note)
+        check_plugins(item, plan.isolation)
     tasks = [_task(name, scenarios, plan) for name in tuned]
     halves = [halved(item, plan.split) for item in chosen]
     train = [_bench(item.train, executor, listener) for item in halves]

@@ -11,7 +11,6 @@ import yaml
 
 from trackbench import results
 from trackbench.base.errors import InputError
-from trackbench.base.files import path_from
 from trackbench.document.html import to_html
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import WIDTH, own_modules
@@ -152,6 +151,6 @@ def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: P
             trackers.setdefault(name, entry)
     truth = loaded.document.value["truth"]
     if truth.get("source") == "recording":
-        truth = with_moved_paths(truth, lambda path: path_from(path, loaded.folder, folder))
+        truth = with_moved_paths(truth, loaded.folder, folder)
     content = {**loaded.document.value, "truth": truth, "trackers": trackers}
     return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=WIDTH, allow_unicode=True)
