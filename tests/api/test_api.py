@@ -279,8 +279,9 @@ def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
         (lambda r: tb.compare(r, metrics=["position_rsme"]), "did you mean 'position_rmse'?"),
         (lambda r: tb.load(None), "None is no scenario; give a file, a name such as 'highway', a text or a mapping"),
         (lambda r: tb.compare(None), "None cannot be compared; give a result, a list of results, or a folder"),
-        (lambda r: tb.compare(["a", "b"]), "['a', 'b'] cannot be compared; give a result, a list of results,"),
-        (lambda r: tb.load("highway", {"trackers.mine": dict}), "trackers.mine: write filter (built in: kf, ekf,"),
+        (lambda r: tb.compare(r, r, "ekf_cv"), "choose trackers by compare(..., trackers=['ekf_cv'])"),
+        (lambda r: tb.compare(["a", "b"]), "give each folder as an argument of its own: compare('a', 'b')"),
+        (lambda r: tb.load("highway", {"trackers.mine": dict}), "use: {'trackers.mine': {'use': dict}}"),
         (lambda r: tb.load("highway", {"truth": {"duration_s": 5}}), "one key of it write {'truth.duration_s': 5}"),
     ],
 )

@@ -85,7 +85,14 @@ def compare(
         InputError: there is no such result, or the results cannot be compared.
     """
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
-    sets = [_read_set(item) for item in (first, *others)]
+    arguments = (first, *others)
+    names = {name for item in arguments if isinstance(item, results.Result) for name in item}
+    for item in arguments:
+        if isinstance(item, str) and item in names and not Path(item).exists():
+            raise InputError(
+                f"{item!r} is a tracker of the results; choose trackers by compare(..., trackers=[{item!r}])"
+            )
+    sets = [_read_set(item) for item in arguments]
     selected = None if trackers is None else listed(trackers)
     compared = compare_sets(sets, metrics=listed(metrics), trackers=selected, baseline=baseline, limits=allowed)
     return ReportableComparison.model_validate(dict(compared))
@@ -98,4 +105,7 @@ def _read_set(results_of: Compared | Sequence[results.Result]) -> ResultSet | re
         return results_of
     if isinstance(results_of, list | tuple) and results_of and all(isinstance(x, results.Result) for x in results_of):
         return results_of
+    if isinstance(results_of, list | tuple) and results_of and all(isinstance(x, Path | str) for x in results_of):
+        folders = ", ".join(repr(str(folder)) for folder in results_of)
+        raise InputError(f"give each folder as an argument of its own: compare({folders})")
     raise InputError(f"{results_of!r} cannot be compared; give a result, a list of results, or a folder")

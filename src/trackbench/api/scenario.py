@@ -48,6 +48,11 @@ def load(
     if not isinstance(scenario, Path | str | Mapping):
         raise InputError(f"{scenario!r} is no scenario; give a file, a name such as 'highway', a text or a mapping")
     settings = set if isinstance(set, Mapping) else {}
+    for key, value in settings.items():
+        if isinstance(value, type) and key.startswith("trackers.") and key.count(".") == 1:
+            raise InputError(
+                f"write the class of a tracker under use: {{{key!r}: {{'use': {value.__name__}}}}}", key=key
+            )
     overrides = [f"{key}={_yaml(value, key)}" for key, value in settings.items()] or listed(set)
     options = {"monte_carlo.runs": runs, "monte_carlo.seed": seed, "truth.seeds": scenes}
     overrides += [f"{key}={_yaml(value, key)}" for key, value in options.items() if value is not None]
