@@ -14,7 +14,8 @@ from trackbench.base.types import Truth
 from trackbench.scenario.load import load_scenario
 from trackbench.scenario.truth import truth_of, truth_source
 from trackbench.truth import highway
-from trackbench.truth.config import FixedObserver, VehicleSizes
+from trackbench.truth.config.highway import VehicleSizes
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.frames import TRUCK, VAN, Frames, with_sizes
 from trackbench.truth.sources import HighwayTruth, ScriptedTruth
 

@@ -11,7 +11,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Scan, Truth
 from trackbench.scenario import Scenario
 from trackbench.sensing.episodes import EpisodeSensing
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 from trackbench.truth.driven import DrivenTraffic
 
 

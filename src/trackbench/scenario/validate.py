@@ -16,10 +16,9 @@ from trackbench.scenario.keys import Expectation, ScenarioKeys
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
-from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
 from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.config.traffic import TracksConfig, files_in
-from trackbench.truth.sources import RecordingTruth
+from trackbench.truth.sources import HighwayTruth, RecordingTruth, ScriptedTruth
 
 #: Times that differ by less are equal, s: a difference of times has rounding errors.
 ROUNDING = 1e-9
@@ -132,9 +131,9 @@ def _if_known(scenario: ScenarioKeys) -> Iterator[Problem]:
         if key in scenario.score.model_fields_set:
             yield Problem(("score", key), f"is of tracks; {REMEDY}")
     truth = scenario.truth
-    if isinstance(truth, HighwayOptions) and truth.others_within_m is not None:
+    if isinstance(truth, HighwayTruth) and truth.others_within_m is not None:
         yield Problem(("truth", "others_within_m"), f"with known identities only targets are measured; {REMEDY}")
-    for name, body in truth.objects.items() if isinstance(truth, ScriptedOptions) else ():
+    for name, body in truth.objects.items() if isinstance(truth, ScriptedTruth) else ():
         if not body.target:
             message = f"with known identities every object is a target; {REMEDY}"
             yield Problem(("truth", "objects", name, "target"), message)
@@ -176,7 +175,7 @@ def _external_tracks(scenario: ScenarioKeys) -> Iterator[Problem]:
 def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
     """Yield a problem if the scored point is not the centre and the size of the objects is not known."""
     truth = scenario.truth
-    if scenario.score.point == "centre" or not isinstance(truth, RecordingOptions):
+    if scenario.score.point == "centre" or not isinstance(truth, RecordingTruth):
         return
     if truth.without_truth:
         yield Problem(("score", "point"), "there is no truth, of which a point could be scored")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -42,6 +42,8 @@ class LoadedTruth(NamedTuple):
 class TruthSource(Config, ABC):
     """Source of the true motion. The fields of a subclass are its options in a scenario."""
 
+    #: Whether ``load`` takes too little time to be worth a process of its own.
+    quick: ClassVar[bool] = False
     source: str = Field("", description="Where the true motion comes from.")
 
     @model_validator(mode="before")
@@ -111,11 +113,6 @@ class TruthSource(Config, ABC):
     def counted_stretches(self) -> list[tuple[int, int]]:
         """Number of the log and of the stretch of time in it, for each scored stretch; empty if logs are not cut."""
         return []
-
-    @property
-    def quick(self) -> bool:
-        """Whether ``load`` takes too little time to be worth a process of its own."""
-        return False
 
     @property
     def random(self) -> bool:

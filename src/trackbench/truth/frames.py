@@ -12,7 +12,8 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config import FixedObserver, IdTargets, NearestTargets, VehicleSizes
+from trackbench.truth.config.highway import IdTargets, NearestTargets, VehicleSizes
+from trackbench.truth.config.recording import FixedObserver
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from trackbench.base.plugins import one_line
 from trackbench.base.types import Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
 from trackbench.truth.audit import audited_truth, by_euler
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 from trackbench.truth.frames import (
     Frames,
     bodies_near,

@@ -15,7 +15,7 @@ from trackbench.base import streams, types, units
 from trackbench.base.files import cache_folder, write_whole
 from trackbench.base.types import Progress, Truth
 from trackbench.truth.base import LoadedTruth
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
 OWN_CLASSES = "highway_env."

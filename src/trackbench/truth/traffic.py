@@ -14,8 +14,8 @@ from trackbench.base.errors import InputError, counted, nearest_choices
 from trackbench.base.types import RecordedNoise, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.truth.audit import audited_truth
-from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.config.traffic import TrafficOptions
 from trackbench.truth.frames import Frames, bodies_near, fixed_observer, overlaps, target_bodies
 from trackbench.truth.motion_audit import (

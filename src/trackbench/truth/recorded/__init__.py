@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trackbench.truth.base import LoadedTruth, Recorded
-from trackbench.truth.config import RecordingOptions
+from trackbench.truth.config.recording import RecordingOptions
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import (
     Drive,

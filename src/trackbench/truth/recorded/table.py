@@ -13,7 +13,6 @@ from trackbench.base.errors import nearest_choices
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
-from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
     MOTION_QUANTITIES,
     MeasurementColumns,
@@ -23,6 +22,7 @@ from trackbench.truth.config.columns import (
     Units,
 )
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import RecordingOptions
 from trackbench.truth.recorded.drive import (
     Drive,
     Log,

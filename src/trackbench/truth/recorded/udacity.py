@@ -13,8 +13,8 @@ from trackbench.base.errors import InputError
 from trackbench.base.numbers import stated_number
 from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.truth import jumps
-from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import RecordingOptions
 from trackbench.truth.jumps import LARGEST
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
 from trackbench.truth.recorded.table_files import log_text
