@@ -15,15 +15,15 @@ from trackbench.truth import Draw, LoadedTruth
 from trackbench.truth.sources import RecordingTruth
 
 #: Two cars, at irregular times; the second is seen later. km, km/h and degrees.
-HEAD = ["t_ms", "who", "x_km", "y_km", "v_kmph", "course_deg", "r_km", "az_deg", "rr_kmph"]
+HEAD = ["t_ms", "who", "x_km", "y_km", "vx_kmph", "vy_kmph", "r_km", "az_deg", "rr_kmph"]
 ROWS = [
-    [1000, "a", 0.010, 0.020, 36.0, 90.0, 0.021, 1.5, -18.0],
-    [1030, "a", 0.010, 0.0203, 36.0, 90.0, "", "", ""],
-    [1030, "b", 0.050, 0.000, 72.0, 180.0, 0.051, 190.0, 3.6],
-    [1100, "a", 0.010, 0.021, 36.0, 90.0, 0.022, 2.5, -17.0],
-    [1250, "b", 0.0456, 0.000, 72.0, 180.0, "", "", ""],
+    [1000, "a", 0.010, 0.020, 0.0, 36.0, 0.021, 1.5, -18.0],
+    [1030, "a", 0.010, 0.0203, 0.0, 36.0, "", "", ""],
+    [1030, "b", 0.050, 0.000, -72.0, 0.0, 0.051, 190.0, 3.6],
+    [1100, "a", 0.010, 0.021, 0.0, 36.0, 0.022, 2.5, -17.0],
+    [1250, "b", 0.0456, 0.000, -72.0, 0.0, "", "", ""],
 ]
-COLUMNS = {"time": "t_ms", "object": "who", "px": "x_km", "py": "y_km", "speed": "v_kmph", "course": "course_deg"}
+COLUMNS = {"time": "t_ms", "object": "who", "px": "x_km", "py": "y_km", "vx": "vx_kmph", "vy": "vy_kmph"}
 UNITS = {"time": "ms", "length": "km", "speed": "kmph", "angle": "deg"}
 MEASUREMENTS = {"front": {"range": "r_km", "azimuth": "az_deg", "range_rate": "rr_kmph"}}
 
@@ -194,7 +194,7 @@ def test_rows_out_of_order_are_sorted_and_doubles_left_out(file: Path) -> None:
 def test_each_column_may_have_a_unit_of_its_own(file: Path) -> None:
     write(file)
     plain = load(file)
-    columns = {**COLUMNS, "units": {"time": "ms", "px": "km", "py": "km", "speed": "kmph", "course": "deg"}}
+    columns = {**COLUMNS, "units": {"time": "ms", "px": "km", "py": "km", "vx": "kmph", "vy": "kmph"}}
     own = {**MEASUREMENTS["front"], "units": {"time": "ms", "range": "km", "azimuth": "deg", "range_rate": "kmph"}}
     other = load(file, columns=columns, units={}, readings={"front": own})
     np.testing.assert_allclose(other.truth.vy, plain.truth.vy)

@@ -69,12 +69,9 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
         if check.contradicts:
             fitting_unit = check.unit if check.unit is not None and check.name != "observer" else None
             by_unit.setdefault(fitting_unit, []).append(check)
-    columns = truth.columns
     for unit, faults in by_unit.items():
-        changes = {}
-        if unit is not None and columns is not None:
-            keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
-            changes = {f"truth.columns.units.{key}": unit for key in keys}
+        is_fixed = unit is not None and truth.columns is not None
+        changes = {f"truth.columns.units.{key}": unit for key in ("vx", "vy")} if is_fixed else {}
         names, worst = ", ".join(check.name for check in faults), max(faults, key=lambda check: check.difference)
         yield LogFinding(
             kind="truth_velocity",

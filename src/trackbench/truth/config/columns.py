@@ -26,14 +26,12 @@ MOTION_QUANTITIES = {
     "time": "time",
     **dict.fromkeys(("px", "py"), "length"),
     **dict.fromkeys(("length", "width"), "size"),
-    **dict.fromkeys(("vx", "vy", "speed"), "speed"),
-    **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
+    **dict.fromkeys(("vx", "vy"), "speed"),
+    **dict.fromkeys(("yaw", "heading", "yaw_rate"), "angle"),
 }
 COMPONENT_QUANTITIES = {"m": "length", "m/s": "speed", "rad": "angle"}
 #: The two ways to state a position in a sensor's frame.
 POLAR, CARTESIAN = ("range", "azimuth"), ("x", "y")
-#: The two ways to state a velocity.
-VELOCITY = (("vx", "vy"), ("speed", "course"))
 _OWN_UNITS = "Units of single columns, by the keys above: `{time: us, %s: deg}`; those of truth.units unless given."
 
 
@@ -77,8 +75,6 @@ class MotionColumns(Config):
     py: str = Field(description="Position along y in the fixed frame.")
     vx: str | None = Field(None, description="Velocity along x in the fixed frame.")
     vy: str | None = Field(None, description="Velocity along y in the fixed frame.")
-    speed: str | None = Field(None, description="Speed along the course.")
-    course: str | None = Field(None, description="Direction of motion, counter-clockwise from x.")
 
     @property
     def stated(self) -> dict[str, str]:
@@ -88,16 +84,11 @@ class MotionColumns(Config):
     @property
     def without_velocity(self) -> bool:
         """Whether the columns have positions but no velocity."""
-        return all(getattr(self, key) is None for pair in VELOCITY for key in pair)
+        return self.vx is None
 
-    def velocity_problems(self) -> Iterator[Problem]:
-        """Yield a problem if the velocity is given twice or only half."""
-        pairs = [pair for pair in VELOCITY if any(getattr(self, key) is not None for key in pair)]
-        if len(pairs) > 1:
-            yield Problem((), "the velocity is given twice: write vx and vy, or speed and course")
-            return
-        for key in [key for pair in pairs for key in pair if getattr(self, key) is None]:
-            yield Problem((key,), f"missing: a velocity is {' and '.join(pairs[0])}")
+    def problems(self) -> Iterator[Problem]:
+        if (self.vx is None) != (self.vy is None):
+            yield Problem((), "a velocity is vx and vy: write both or none")
 
 
 class ObserverColumns(MotionColumns):
@@ -114,12 +105,12 @@ class ObserverColumns(MotionColumns):
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
 
     def problems(self) -> Iterator[Problem]:
-        yield from self.velocity_problems()
+        yield from super().problems()
         yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in ("time", *self.stated)})
 
 
 class TruthColumns(MotionColumns):
-    """Names of the columns with the true motion. The velocity is vx and vy, or speed and course.
+    """Names of the columns with the true motion.
 
     With hidden identities the velocity may be left out; it is then computed from the displacement.
     """
@@ -127,15 +118,15 @@ class TruthColumns(MotionColumns):
     time: str = Field(description="Time.")
     object: str | None = Field(None, description="Name of the object; all rows are of one object unless given.")
     heading: str | None = Field(
-        None, description="Direction in which the body points, counter-clockwise from x; the course unless given."
+        None, description="Heading of the body, counter-clockwise from x; the direction of motion unless given."
     )
     length: str | None = Field(None, description="Length of the object's box; truth.length_m unless given.")
     width: str | None = Field(None, description="Width of the object's box; truth.width_m unless given.")
     kind: str | None = Field(None, alias="class", description="Class of the object, for truth.reference.classes.")
-    units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "course")
+    units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "heading")
 
     def problems(self) -> Iterator[Problem]:
-        yield from self.velocity_problems()
+        yield from super().problems()
         yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in self.stated})
 
 

@@ -140,15 +140,11 @@ def _measurement_columns(entry: MeasurementColumns, columns: TruthColumns) -> li
 
 
 def _values(table: Rows, columns: MotionColumns, units: Units, units_of_columns: Mapping[str, str]) -> dict[str, Array]:
-    value = {
+    return {
         key: table.numbers(column, units.factor(quantity, units_of_columns.get(key)), quantity)
         for key, column in columns.stated.items()
         if (quantity := MOTION_QUANTITIES[key]) != "time"
     }
-    if "speed" in value:
-        speed, course = value.pop("speed"), value.pop("course")
-        value |= {"vx": speed * np.cos(course), "vy": speed * np.sin(course)}
-    return value
 
 
 def _motions(
