@@ -131,14 +131,10 @@ def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
             "truth.readings.lidar.z: sensor lidar is a lidar, which reads x, y",
         ),
         (
-            {"truth": {**TABLE, "columns": {**TABLE["columns"], "units": {"pz": "m"}}}},
-            "truth.columns.units.pz: no column is given for 'pz'; did you mean 'py'?",
-        ),
-        (
             {"truth": {**TABLE, "readings": {"lidar": {"x": "a"}}}},
             "truth.readings.lidar.y: missing: a lidar reads x, y",
         ),
-        ({"truth": {**UDACITY["truth"], "units": {}}}, "truth.units: format udacity has fixed columns and units"),
+        ({"truth": {**UDACITY["truth"], "readings": {}}}, "truth.readings: format udacity has fixed columns and units"),
         ({"truth": {"source": "recording", "format": "csv", "path": "a"}}, "truth.columns: missing: format csv needs"),
         (
             {"truth": {**TABLE, "columns": {"time": "t", "px": "x", "py": "y"}}},

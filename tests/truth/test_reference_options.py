@@ -133,7 +133,7 @@ def test_without_columns_of_the_velocity_it_is_that_of_the_displacement(tmp_path
     np.testing.assert_allclose(truth.vx, 3)
     np.testing.assert_allclose(truth.vy, 2)
     file.write_text(file.read_text().replace("identities: hidden", "identities: known"))
-    with pytest.raises(InputError, match=r"truth.columns: the velocity is missing: write vx and vy, or speed and"):
+    with pytest.raises(InputError, match=r"truth.columns: the velocity is missing: write vx and vy"):
         truth_in(file)
 
 

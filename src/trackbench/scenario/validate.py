@@ -16,7 +16,6 @@ from trackbench.scenario.keys import Expectation, ScenarioKeys
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
-from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.sources import HighwayTruth, RecordingTruth, ScriptedTruth
 
@@ -356,9 +355,6 @@ def _columns(truth: RecordingTruth, kinds: Mapping[str, str]) -> Iterator[Proble
                 yield Problem((*at, component), f"sensor {name} is a {kinds[name]}, which reads {', '.join(needed)}")
         if columns.copies_within_m is not None and not model.measures_position():
             yield Problem((*at, "copies_within_m"), f"a {kinds[name]} measures no position to compare; remove it")
-        quantities = columns.quantities(model.components, model.units)
-        for problem in unit_problems(columns.units, {"time": "time", **quantities}):
-            yield Problem((*at, *problem.at), problem.message)
 
 
 def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Problem]:

@@ -16,7 +16,6 @@ from trackbench.truth.config.columns import (
     ObserverColumns,
     ReferenceOptions,
     TruthColumns,
-    Units,
 )
 from trackbench.truth.config.logs import Paths, log_names
 from trackbench.truth.jumps import Position, Velocity
@@ -85,8 +84,7 @@ class RecordingOptions(ReferenceTruth):
         "too, one file for each log in the same order. csv and parquet: may be left out where the identities are "
         "hidden; then there is no truth, and every sensor's measurements have a file of their own.",
     )
-    columns: TruthColumns | None = Field(None, description="csv and parquet, required there: names of the columns.")
-    units: Units = Field(default_factory=Units, description="csv and parquet: units of the columns.")
+    columns: TruthColumns | None = Field(None, description="csv and parquet, required there: the columns.")
     measurements: dict[Name, MeasurementColumns] = Field(
         default_factory=dict,
         alias="readings",
@@ -196,7 +194,7 @@ class RecordingOptions(ReferenceTruth):
 
     def _problems_with_truth(self) -> Iterator[Problem]:
         if self.format not in TABLES:
-            unused_keys = ("columns", "units", "measurements", "reference", "ego")
+            unused_keys = ("columns", "measurements", "reference", "ego")
             for name in (name for name in unused_keys if name in self.model_fields_set):
                 key = type(self).model_fields[name].alias or name
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")

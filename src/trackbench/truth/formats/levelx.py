@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.truth.config.columns import Column, stated_column
 from trackbench.truth.recorded.table_files import read_table
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
@@ -39,18 +40,18 @@ class _LevelX(TrafficFormat):
         rows = read_table(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
         ids = rows.labels(self.id_column).of_rows
         quantities = ("length", "length", "speed", "speed")
-        x, y, vx, vy = (rows.numbers(name, 1.0, kind) for name, kind in zip(motion, quantities, strict=True))
-        length, width = (rows.numbers(name, 1.0, "length", optional=True) for name in self.size_columns)
+        x, y, vx, vy = (rows.numbers(Column(name, kind)) for name, kind in zip(motion, quantities, strict=True))
+        length, width = (rows.numbers(Column(name, "length"), optional=True) for name in self.size_columns)
         # The sides of highD's boxes lie along the picture's axes; its y points down.
         px, py = (x, y) if self.from_above else (x + length / 2, -(y + width / 2))
         bodies = read_table(_neighbour_file(file, BODIES), "csv", [self.id_column, "class"])
         kinds = dict(zip(bodies.texts(self.id_column), bodies.texts("class"), strict=True))
         return TrackRows(
             ids,
-            rows.numbers("frame", 1.0 / rate, None),
+            rows.numbers(Column("frame", factor=1.0 / rate)),
             px,
             py,
-            heading=rows.numbers("heading", np.pi / 180, "angle") if self.from_above else None,
+            heading=rows.numbers(stated_column("heading:deg", "angle")) if self.from_above else None,
             speed=np.hypot(vx, vy),
             length=length,
             width=width,
@@ -59,7 +60,7 @@ class _LevelX(TrafficFormat):
 
     def _frames_per_second(self, file: Path) -> float:
         beside = _neighbour_file(file, RECORDING)
-        rate = float(read_table(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
+        rate = float(read_table(beside, "csv", ["frameRate"]).numbers(Column("frameRate"))[0])
         if not 0.1 <= rate <= 1000:
             raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
         return rate

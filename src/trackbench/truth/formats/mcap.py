@@ -17,8 +17,9 @@ from pydantic import Field
 from trackbench.base.errors import InputError, counted, nearest_choices, shortened_text
 from trackbench.base.files import require_regular
 from trackbench.base.plugins import one_line
+from trackbench.truth.config.columns import Column
 from trackbench.truth.formats import osi
-from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
+from trackbench.truth.formats.tables import QUANTITIES, table_rows
 from trackbench.truth.recorded.rows import rows_of_columns
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
@@ -143,7 +144,7 @@ def rows_of_messages(rows: Sequence[Row], file: Path, moved: Collection[str] = (
         name for name in QUANTITIES if (any if name in (*COVARIANCE, "existence") else all)(name in row for row in rows)
     ]
     table = rows_of_columns(file, {name: [row.get(name) for row in rows] for name in names_read})
-    return table_rows(table, ColumnLayout({name: name for name in names_read}, {}), dict.fromkeys(QUANTITIES, 1.0))
+    return table_rows(table, {name: Column(name, QUANTITIES[name]) for name in names_read})
 
 
 def _parsed(messages: Sequence[Message], rows_in: Callable[[Any], Iterator[Row]], file: Path) -> list[Row]:

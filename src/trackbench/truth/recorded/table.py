@@ -1,8 +1,8 @@
-"""Logs in tables with columns and units named by the scenario: a drive, or scans without a truth."""
+"""Logs in tables with columns named by the scenario: a drive, or scans without a truth."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -14,12 +14,12 @@ from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import (
-    MOTION_QUANTITIES,
+    Column,
     MeasurementColumns,
     MotionColumns,
     ObserverColumns,
     TruthColumns,
-    Units,
+    stated_column,
 )
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.recording import RecordingOptions
@@ -34,11 +34,7 @@ from trackbench.truth.recorded.drive import (
     slope,
 )
 from trackbench.truth.recorded.rows import Labels, Rows
-from trackbench.truth.recorded.scans import (
-    column_measurements,
-    columns_of,
-    scans_of,
-)
+from trackbench.truth.recorded.scans import column_measurements, scans_of
 from trackbench.truth.recorded.table_files import read_table
 
 #: Name of the object in a file without names.
@@ -55,34 +51,31 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     """
     assert config.columns is not None
     assert config.path is not None
-    columns, units = config.columns, config.units
-    inside = [entry for entry in config.measurements.values() if entry.path is None]
-    wanted = [columns.time, columns.object, *columns.stated.values()]
-    wanted += [column for entry in inside for column in (entry.time, *_measurement_columns(entry, columns))]
-    wanted.append(columns.kind)
-    file = find_log(config.path, folder, "truth.path")
-    table = read_table(file, config.format, wanted)
-    clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
+    columns = config.columns
+    wanted = [_time(columns.time).name, columns.object, *_names(columns), columns.kind]
+    for name, entry in config.measurements.items():
+        if entry.path is None:
+            wanted += _wanted(entry, columns.time, columns.object, SENSOR_MODELS[kinds[name]])
+    table = read_table(find_log(config.path, folder, "truth.path"), config.format, wanted)
+    clock = table.times(_time(columns.time))
     start = clock.first
     seconds = clock.since(start)
-    _require_not_long(table, columns.time, seconds)
-    motions, order = _motions(table, columns, seconds, config)
+    _require_not_long(table, _time(columns.time), seconds)
+    motions, order = _motions(table, columns, seconds)
     ego = config.ego
     moving = None if ego is None else _observer(ego, ego.time or columns.time, config, folder, start)
     logs: dict[str, Log] = {}
     detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
-        source, unlabelled = table, config.unlabelled(name)
+        source, unlabelled, sensor = table, config.unlabelled(name), SENSOR_MODELS[kinds[name]]
         if entry.path is not None:
-            needed = columns_of(entry) if unlabelled else _measurement_columns(entry, columns)
-            source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
-        unit = entry.units.get("time", columns.units.get("time"))
-        measured = source.times(entry.time or columns.time, units.factor("time", unit))
-        times = measured.since(start) + entry.time_offset_s
+            needed = _wanted(entry, columns.time, None if unlabelled else columns.object, sensor)
+            source = _detections_of_file(name, entry, needed, config, folder)
+        times = source.times(_time(entry.time or columns.time)).since(start) + entry.time_offset_s
         if unlabelled:
-            detections[name] = scans_of(source, entry, times, units, kinds[name])
+            detections[name] = scans_of(source, entry, times, kinds[name])
             continue
-        log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
+        log = _log(source, entry, columns, times, sensor, list(motions))
         # A table shared with the truth or other sensors does not show empty scans of this sensor.
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
     classes: dict[str, str] = {}
@@ -103,30 +96,31 @@ def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: 
     """
     tables, clocks = {}, {}
     for name, entry in config.measurements.items():
-        tables[name] = _detections_of_file(name, entry, columns_of(entry), config, folder)
-        clocks[name] = tables[name].times(entry.time or "", config.units.factor("time", entry.units.get("time")))
+        needed = _wanted(entry, "", None, SENSOR_MODELS[kinds[name]])
+        tables[name] = _detections_of_file(name, entry, needed, config, folder)
+        clocks[name] = tables[name].times(_time(entry.time or ""))
     start, moving = min(clock.first for clock in clocks.values()), None
     detections = {}
     for name, entry in config.measurements.items():
         seconds = clocks[name].since(start)
-        _require_not_long(tables[name], entry.time or "", seconds)
-        detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, config.units, kinds[name])
+        _require_not_long(tables[name], _time(entry.time or ""), seconds)
+        detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, kinds[name])
     if config.ego is not None:
         moving = _observer(config.ego, config.ego.time or "", config, folder, start)
     return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections)
 
 
 def _detections_of_file(
-    name: str, entry: MeasurementColumns, columns: Sequence[str | None], config: RecordingOptions, folder: Path
+    name: str, entry: MeasurementColumns, columns: Iterable[str | None], config: RecordingOptions, folder: Path
 ) -> Rows:
     file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
     return read_table(file, config.format, columns)
 
 
-def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
+def _require_not_long(table: Rows, time: Column, seconds: Array) -> None:
     if seconds.max() > jumps.LONGEST:
         row = int(np.argmax(seconds))
-        raise table.error(row, f"{column}: {jumps.why_too_long(seconds[row])}")
+        raise table.error(row, f"{time.name}: {jumps.why_too_long(seconds[row])}")
 
 
 def _objects(table: Rows, columns: TruthColumns) -> Labels:
@@ -135,22 +129,34 @@ def _objects(table: Rows, columns: TruthColumns) -> Labels:
     return table.labels(columns.object)
 
 
-def _measurement_columns(entry: MeasurementColumns, columns: TruthColumns) -> list[str | None]:
-    return [entry.object or columns.object, *entry.components.values()]
+def _time(text: str) -> Column:
+    return stated_column(text, "time")
 
 
-def _values(table: Rows, columns: MotionColumns, units: Units, units_of_columns: Mapping[str, str]) -> dict[str, Array]:
-    return {
-        key: table.numbers(column, units.factor(quantity, units_of_columns.get(key)), quantity)
-        for key, column in columns.stated.items()
-        if (quantity := MOTION_QUANTITIES[key]) != "time"
-    }
+def _wanted(entry: MeasurementColumns, time: str, owner: str | None, sensor: type[Sensor]) -> list[str | None]:
+    """Return the names of the columns with a sensor's measurements; None for a column that is not stated.
+
+    Args:
+        entry: columns of the measurements.
+        time: column of the time, unless the entry has its own.
+        owner: column of the object, unless the entry has its own.
+        sensor: model of the sensor.
+    """
+    components = entry.columns(sensor.components, sensor.units).values()
+    own = _time(entry.time or time).name, entry.object or owner, entry.slot, entry.new_track
+    return [*own, *(column.name for column in components)]
 
 
-def _motions(
-    table: Rows, columns: TruthColumns, seconds: Array, config: RecordingOptions
-) -> tuple[dict[str, Motion], RowOrder]:
-    value = _values(table, columns, config.units, columns.units)
+def _names(columns: MotionColumns) -> list[str]:
+    return [column.name for column in columns.stated.values()]
+
+
+def _values(table: Rows, columns: MotionColumns) -> dict[str, Array]:
+    return {key: table.numbers(column) for key, column in columns.stated.items()}
+
+
+def _motions(table: Rows, columns: TruthColumns, seconds: Array) -> tuple[dict[str, Motion], RowOrder]:
+    value = _values(table, columns)
     ids, owner = _objects(table, columns)
     kept, order = row_order(seconds, owner)
     members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
@@ -168,12 +174,12 @@ def _with_displacement_velocity(motion: Motion) -> Motion:
 def _observer(
     columns: ObserverColumns, time_column: str, config: RecordingOptions, folder: Path, start: Decimal
 ) -> Motion:
-    file, units = find_log(columns.path, folder, "truth.ego.path"), config.units
-    table = read_table(file, config.format, [time_column, *columns.stated.values()])
-    seconds = table.times(time_column, units.factor("time", columns.units.get("time"))).since(start)
+    file, clock = find_log(columns.path, folder, "truth.ego.path"), _time(time_column)
+    table = read_table(file, config.format, [clock.name, *_names(columns)])
+    seconds = table.times(clock).since(start)
     rows, _ = row_order(seconds, np.zeros(len(seconds), dtype=np.intp))
     time = seconds[rows]
-    value = {key: column[rows] for key, column in _values(table, columns, units, columns.units).items()}
+    value = {key: column[rows] for key, column in _values(table, columns).items()}
     value["heading"] = value.pop("yaw")
     motion = Motion(time, **{**dict.fromkeys(("vx", "vy"), np.zeros(len(time))), **value})
     return _with_displacement_velocity(motion) if columns.without_velocity else motion
@@ -184,11 +190,10 @@ def _log(
     entry: MeasurementColumns,
     columns: TruthColumns,
     times: Array,
-    units: Units,
     sensor: type[Sensor],
     ids: list[str],
 ) -> Log:
-    measurement, rows = column_measurements(table, entry, units, sensor)
+    measurement, rows = column_measurements(table, entry, sensor)
     owner = _owners(table, entry.object or columns.object, rows, ids, blank=entry.path is not None)
     alarm = np.flatnonzero(owner < 0)
     alarm = alarm[np.argsort(times[rows[alarm]], kind="stable")]
