@@ -43,7 +43,7 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from highway_env.vehicle.controller import ControlledVehicle
 
     from trackbench.truth.drivers import HUMAN, Traffic
-    from trackbench.truth.environment import Control, Recorder, complete, rates_at_instants, steered
+    from trackbench.truth.environment import Control, Recorder, rates_at_instants, steered
 
 #: Cheapest observation: observing takes half of a step, and nothing here uses observations.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
@@ -51,12 +51,6 @@ NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
 TUNED = ("DISTANCE_WANTED", "COMFORT_ACC_MAX", "COMFORT_ACC_MIN")
 DriverModel = dict[tuple[type[Any], str], Any]
 NOT_FOR_IDM = {ParkingEnv: "has no lanes to follow", LaneKeepingEnv: "needs its own dynamic vehicle"}
-ACTIONS = (
-    actions.ContinuousAction,
-    actions.DiscreteAction,
-    actions.DiscreteMetaAction,
-    actions.MultiAgentAction,
-)
 
 
 def list_envs() -> list[str]:
@@ -174,7 +168,9 @@ def prepare_env(config: HighwayOptions) -> AbstractEnv:
 
 
 def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any]:
-    stated = complete(config.config, defaults, {"type"}.union(*map(_parameters, ACTIONS)))
+    stated = config.config
+    for key in (key for key in stated if key not in defaults):
+        raise InputError(f"unknown key; {nearest_choices(key, defaults)}", key=f"truth.config.{key}")
     simulation = stated.get("simulation_frequency", config.rate_hz)
     if simulation != config.rate_hz:
         raise InputError(
@@ -191,13 +187,6 @@ def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any
     if "duration" in defaults and "duration" not in stated:
         settings["duration"] = max(defaults["duration"], config.duration_s + 2.0 / policy)
     return settings
-
-
-def _parameters(cls: type) -> set[str]:
-    """Return the names of the constructor arguments of a class and of its bases."""
-    constructors = (vars(base)["__init__"] for base in cls.__mro__[:-1] if "__init__" in vars(base))
-    named = (p for init in constructors for p in inspect.signature(init).parameters.values())
-    return {p.name for p in named if p.kind is not p.VAR_KEYWORD} - {"self", "env"}
 
 
 def _let_idm_drive(env: AbstractEnv, name: str) -> None:

@@ -102,7 +102,8 @@ class HighwayOptions(SteppedTruth):
         min_length=1, description="A registered highway-env id, such as highway-v0 (`trackbench list envs` shows them)."
     )
     config: dict[str, Any] = Field(
-        default_factory=dict, description="The environment's own configuration; unknown keys are refused."
+        default_factory=dict,
+        description="The environment's own configuration, checked by highway-env; an unknown key is refused.",
     )
     seed: Seed = Field(0, description="Seed of the traffic; of the first scene, where `seeds` is a number.")
     seeds: Seeds | None = Field(
