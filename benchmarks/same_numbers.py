@@ -48,6 +48,8 @@ RENAMED_VALUES: dict[str, dict[str, str]] = {}
 #: New path that the old commit does not have: why.
 ADDED: dict[str, str] = {
     "*truth.recorded_motion*": "of recorded traffic: what as_recorded and as_used had",
+    "*truth.targets.ids": "null beside nearest",
+    "*truth.targets.nearest": "null beside ids",
     "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",

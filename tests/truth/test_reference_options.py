@@ -200,7 +200,10 @@ def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"reference": {"range_m": -1}}, "truth.reference.range_m: "),
-        ({"reference": {"classes": ["car"]}, "columns": {"class": None}}, "truth.columns.class: missing"),
+        (
+            {"reference": {"classes": ["car"]}, "columns": {"class": None}},
+            "truth.reference.classes: no object is of the class 'car'; the file has no classes",
+        ),
         ({"readings": {"slot": "who", "object": "who"}}, "truth.readings.radar.slot: only used with unlabelled"),
         (
             {"trackers": {"best": {**GNN, "associate": {"method": "oracle"}}}},

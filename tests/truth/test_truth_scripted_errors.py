@@ -47,7 +47,7 @@ LAST = "{turn_rate_degps: 20}"
             6,
             "truth.env: unknown key; choose from: ",
         ),
-        ("{speed_mps: 5}", "{speed_mps: 5, vx_mps: 1}", 8, f"{START}.vx_mps: the velocity is given twice"),
+        ("{speed_mps: 5}", "{speed_mps: 5, vx_mps: 1}", 8, f"{START}: the velocity is given twice"),
         ("{speed_mps: 5}", "{speed_mps: -5}", 8, f"{START}.speed_mps: -5 is not possible: it must be at least 0"),
         ("- {for_s: 5}", "- {}", 10, f"{PIECES}.0.for_s: missing; only the last piece may leave it out"),
         (
@@ -63,8 +63,8 @@ LAST = "{turn_rate_degps: 20}"
             12,
             f"{PIECES}.2.for_s: pieces last 18 s, but truth.duration_s is 20",
         ),
-        (LAST, "{speed_mps: 2}", 12, f"{PIECES}.2.speed_mps: only used with waypoints"),
-        (LAST, "{waypoints: [[0, 1]], turn_rate_degps: 2}", 12, f"{PIECES}.2.turn_rate_degps: not used with waypoints"),
+        (LAST, "{speed_mps: 2}", 12, f"{PIECES}.2.speed_mps: a piece has one kind of motion"),
+        (LAST, "{waypoints: [[0, 1]], turn_rate_degps: 2}", 12, f"{PIECES}.2.turn_rate_degps: a piece has one kind"),
         (LAST, "{waypoints: [[0]]}", 12, f"{PIECES}.2.waypoints.0: at least 2 entries are needed, not 1"),
         (LAST, "{waypoints: []}", 12, f"{PIECES}.2.waypoints: must not be empty"),
         (

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from trackbench.base.config import Config
+from trackbench.base.config import Config, problem_error
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Progress, RecordedDetections, RecordedMeasurements, Truth, no_progress
 
@@ -17,6 +17,14 @@ from trackbench.base.types import Progress, RecordedDetections, RecordedMeasurem
 Recorded = RecordedMeasurements | RecordedDetections
 #: Largest number of scenes of one source.
 MAX_SCENES = 1000
+
+
+def distinct(values: list[Any]) -> list[Any]:
+    """Return a list of which each value makes a scene; raise an error if a value is there twice."""
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise problem_error(f"{value} is there already; each makes a scene of its own")
+    return values
 
 
 class Draw(NamedTuple):

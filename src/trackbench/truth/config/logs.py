@@ -9,15 +9,16 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, Tag
+from pydantic import AfterValidator, Field, Tag
 
 from trackbench.base.config import LIST, WORD, chosen_by, text_or_list
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
-from trackbench.truth.base import MAX_SCENES
+from trackbench.truth.base import MAX_SCENES, distinct
 
 FileName = Annotated[str, Field(min_length=1)]
 Paths = Annotated[
-    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
+    Annotated[FileName, Tag(WORD)]
+    | Annotated[list[FileName], Field(min_length=1, max_length=MAX_SCENES), AfterValidator(distinct), Tag(LIST)],
     chosen_by(
         text_or_list,
         "write a file, or a list of files, such as [monday.csv, tuesday.csv]",

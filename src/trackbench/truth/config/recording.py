@@ -171,9 +171,6 @@ class RecordingOptions(ReferenceTruth):
             if len(files) != expected:
                 needed = f"one for each of the {expected} of truth.{'.'.join(map(str, first))}, in the same order"
                 yield Problem(key, f"{counted(len(files), 'file')}, where there must be {needed}")
-            for index, file in enumerate(files):
-                if file in files[:index]:
-                    yield Problem((*key, index), f"{file} is there already; each log is another file")
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Return each sensor in ``kinds`` (its kind, by name) for which the files have measurements."""
@@ -200,25 +197,14 @@ class RecordingOptions(ReferenceTruth):
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
         elif self.columns is None:
             yield Problem(("columns",), f"missing: format {self.format} needs the names of its columns")
-        elif self.reference.classes and self.columns.kind is None:
-            yield Problem(("columns", "class"), "missing: the column of the class, for reference.classes")
 
     def _problems_without_truth(self) -> Iterator[Problem]:
-        if self.format not in TABLES or self.columns is not None:
-            what = "whose columns are named in columns" if self.format in TABLES else f"of format {self.format}"
-            yield Problem(("path",), f"missing: the file {what}")
-            return
-        if "reference" in self.model_fields_set:
-            yield Problem(("reference",), "only used with a truth, and there is none; remove")
-        if not self.measurements:
-            yield Problem(("path",), "missing: the file with the truth; without a truth, readings name measurements")
+        if self.columns is not None or "reference" in self.model_fields_set or not self.measurements:
+            message = "missing: the file with the truth; without a truth, readings alone name measurements"
+            yield Problem(("path",), message)
         for name, entry in self.measurements.items():
-            for key in ("path", "time"):
-                if getattr(entry, key) is None:
-                    message = "missing: without a truth, each sensor has a file of its own"
-                    yield Problem(("readings", name, key), message)
-            if entry.object is not None:
-                message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
-                yield Problem(("readings", name, "object"), message)
+            if entry.path is None or entry.time is None or entry.object is not None:
+                message = "without a truth, it has a path and a time of its own, and slot instead of object"
+                yield Problem(("readings", name), message)
         if self.ego is not None and self.ego.time is None:
             yield Problem(("ego", "time"), "missing: without a truth, the observer has its own column of times")

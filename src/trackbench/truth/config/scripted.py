@@ -14,10 +14,15 @@ from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.recording import MovingObserver
 from trackbench.truth.jumps import Position, Speed, Velocity
 
-#: Kinds of motion of a piece, with the keys that each adds.
-KINDS: dict[str, tuple[str, ...]] = {"white": (), "white_acceleration": (), "waypoints": ("speed_mps",)}
-#: Keys of the default kind of motion: constant turn rate and acceleration, zero unless given.
-STEADY = ("turn_rate_degps", "acceleration_mps2")
+#: Default kind of motion of a piece: constant turn rate and acceleration.
+STEADY = "steady motion"
+#: Keys of each kind of motion of a piece.
+KINDS: dict[str, tuple[str, ...]] = {
+    "white": (),
+    "white_acceleration": (),
+    "waypoints": ("speed_mps",),
+    STEADY: ("turn_rate_degps", "acceleration_mps2", "until_stop"),
+}
 
 Waypoint = Annotated[list[Position], Field(min_length=2, max_length=2)]
 
@@ -35,13 +40,8 @@ class ScriptedStart(Config):
     vy_mps: Velocity | None = Field(None, description="Velocity along y, m/s; instead of speed_mps and course_deg.")
 
     def problems(self) -> Iterator[Problem]:
-        if self.speed_mps is None and self.course_deg is None:
-            return
-        for key in ("vx_mps", "vy_mps"):
-            if getattr(self, key) is not None:
-                yield Problem(
-                    (key,), "the velocity is given twice: write speed_mps and course_deg, or vx_mps and vy_mps"
-                )
+        if {self.speed_mps, self.course_deg} != {None} and {self.vx_mps, self.vy_mps} != {None}:
+            yield Problem((), "the velocity is given twice: write speed_mps and course_deg, or vx_mps and vy_mps")
 
 
 class WhiteMotion(OptionsBeside):
@@ -117,20 +117,11 @@ class Piece(Config):
         return 0.0 if steady else None
 
     def problems(self) -> Iterator[Problem]:
-        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
-        for kind in kinds[1:]:
-            yield Problem(
-                (kind,), f"a piece has one kind of motion: write another piece for it, beside that of {kinds[0]}"
-            )
-        for key in STEADY:
-            if kinds and key in self.model_fields_set:
-                yield Problem((key,), f"not used with {kinds[0]}; write another piece for it")
-        if self.until_stop and (kinds or self.acceleration_mps2 >= 0):
+        kind = next((kind for kind in KINDS if getattr(self, kind, None) is not None), STEADY)
+        for key in sorted(self.model_fields_set - {"for_s", kind, *KINDS[kind]}):
+            yield Problem((key,), f"a piece has one kind of motion, and this one has {kind}; write another piece")
+        if self.until_stop and self.acceleration_mps2 >= 0:
             yield Problem(("until_stop",), "only used with a negative acceleration_mps2")
-        for kind, keys in KINDS.items():
-            for key in keys:
-                if kind not in kinds and key in self.model_fields_set:
-                    yield Problem((key,), f"only used with {kind}; the speed changes by acceleration_mps2")
 
 
 class ScriptedBody(Config):

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, Tag, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, Tag, model_validator
 
 from trackbench.base.config import (
     LIST,
@@ -21,7 +21,7 @@ from trackbench.base.config import (
     text_or_list,
 )
 from trackbench.base.config.plugin import OptionsBeside, Plugin
-from trackbench.truth.base import MAX_SCENES, TruthSource
+from trackbench.truth.base import MAX_SCENES, TruthSource, distinct
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
 from trackbench.truth.config.logs import Paths, find_log, log_names
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
@@ -41,7 +41,8 @@ class VehicleObserver(Config):
     """Vehicle that carries the sensors, or several vehicles, each in a scene of its own."""
 
     vehicle: Annotated[
-        Annotated[Vehicle, Tag(WORD)] | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
+        Annotated[Vehicle, Tag(WORD)]
+        | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), AfterValidator(distinct), Tag(LIST)],
         chosen_by(
             text_or_list,
             'write the id of a vehicle as text, such as "12", or a list of ids, each of which makes a scene',
@@ -50,12 +51,6 @@ class VehicleObserver(Config):
         description="Its id in the file, as text; or a list of ids, each of which makes a scene. The scenes may have "
         "no vehicle in common: an interval over scenes takes them for independent."
     )
-
-    def problems(self) -> Iterator[Problem]:
-        if isinstance(self.vehicle, list):
-            for index, name in enumerate(self.vehicle):
-                if name in self.vehicle[:index]:
-                    yield Problem(("vehicle", index), f"{name} is there already; each vehicle makes another scene")
 
 
 def _observer_kind(value: Any) -> str | None:
@@ -160,13 +155,9 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
         return self.format.from_sensor or "observer" in self.model_fields_set
 
     def problems(self) -> Iterator[Problem]:
-        files = files_in(self.path)
-        for index, file in enumerate(files):
-            if file in files[:index]:
-                yield Problem(("path", index), f"{file} is there already; each sequence is another file")
         if self.reference.range_m is not None and not self.has_observer:
             message = "counts from the observer, and the file does not say where that is: state it, such as "
-            yield Problem(("reference", "range_m"), f"{message}observer: {{x: 0, y: 0}}, or use region")
+            yield Problem(("reference", "range_m"), f"{message}observer: {{x: 0, y: 0}}")
 
 
 AUTO = "auto"
