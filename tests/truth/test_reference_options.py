@@ -202,14 +202,14 @@ def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
         ({"reference": {"range_m": -1}}, "truth.reference.range_m: "),
         (
             {"reference": {"classes": ["car"]}, "columns": {"class": None}},
-            "truth.reference.classes: no object is of the class 'car'; the file has no classes",
+            "truth.columns.class: missing",
         ),
         ({"readings": {"slot": "who", "object": "who"}}, "truth.readings.radar.slot: only used with unlabelled"),
         (
             {"trackers": {"best": {**GNN, "associate": {"method": "oracle"}}}},
             "trackers.best.associate.method: oracle needs the object of each detection, which is not",
         ),
-        ({"truth": {"stretches": 40}}, "40 stretches of 10 s are shorter than 4 s each; at most 2"),
+        ({"truth": {"stretches": 40}}, "one of 40 stretches is shorter than 4 s, or has no scan: take at most 2"),
         ({"truth": {"stretches": 1}}, "truth.stretches: "),
         (
             {

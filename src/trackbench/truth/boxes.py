@@ -53,6 +53,12 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
     if len(np.unique(time)) * len(tracks) > LARGEST:
         what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
         raise InputError(f"{what} are too many; take a shorter time", file=file)
+    kinds = {track.id: track.kind for track in tracks}
+    for kind in config.reference.classes or ():
+        if kind.casefold() not in {class_name.casefold() for class_name in kinds.values()}:
+            classes = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
+            message = f"no object is of the class {kind!r}; the file has {classes}"
+            raise InputError(message, key="truth.reference.classes")
     drive = Drive(
         {track.id: _motion(track) for track in tracks},
         RowOrder(len(rows), 0, 0.0, 0),
@@ -66,7 +72,7 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
         },
         frames=np.unique(time) - first,
         boxes=_dont_care_boxes(_selected_rows(rows, time - first, dont_care)),
-        kinds={track.id: track.kind for track in tracks},
+        kinds=kinds,
         start=rows.start + Decimal(repr(first)),
     )
     if not config.has_observer and not sensors:

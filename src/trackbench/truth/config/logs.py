@@ -35,9 +35,6 @@ def is_log(path: Path) -> bool:
     return path.is_file() or (path / BAG).is_file()
 
 
-_VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
-
-
 def find_log(path: Paths, folder: Path, key: str) -> Path:
     """Return the file that a scenario names.
 
@@ -51,14 +48,9 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
     """
     assert isinstance(path, str)
     expanded = Path(os.path.expanduser(os.path.expandvars(path)))
-    unset = _VARIABLE.search(str(expanded))
-    if unset is not None:
-        name = unset.group(1).strip("{}")
-        remedy = "set it, or write the path without it"
-        if name == "TRACKBENCH_DATA":
-            example = "udacity/obj_pose-laser-radar-synthetic-input.txt"
-            remedy = f"it is the folder that holds recordings, such as {example}"
-        raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
+    if unset := re.search(r"\$\{?(\w+)", str(expanded)):
+        remedy = "set it, such as to the folder that holds recordings"
+        raise InputError(f"the environment variable {unset[1]} is not set; {remedy}", key=key)
     for place in (folder / expanded, expanded):
         if os.path.isdir(place) and not is_log(place):
             raise InputError(f"{expanded} is a folder; name a file", key=key)

@@ -197,6 +197,8 @@ class RecordingOptions(ReferenceTruth):
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
         elif self.columns is None:
             yield Problem(("columns",), f"missing: format {self.format} needs the names of its columns")
+        elif self.reference.classes and self.columns.kind is None:
+            yield Problem(("columns", "class"), "missing: the column of the class, for reference.classes")
 
     def _problems_without_truth(self) -> Iterator[Problem]:
         if self.columns is not None or "reference" in self.model_fields_set or not self.measurements:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, Tag
 
-from trackbench.base.config import MAPPING, Angle, Config, Name, NonNegative, Positive, Problem, chosen_by
+from trackbench.base.config import MAPPING, Angle, Config, KeyPath, Name, NonNegative, Positive, Problem, chosen_by
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
@@ -203,12 +203,12 @@ class ScriptedOptions(SteppedTruth):
     def problems(self) -> Iterator[Problem]:
         if not any(body.target for body in self.objects.values()):
             yield Problem(("objects",), "no object is a target; leave target out of one")
-        for name, body in self.objects.items():
-            for problem in self._duration_problems(body.pieces):
-                yield Problem(("objects", name, "pieces", *problem.at), problem.message)
+        bodies: dict[KeyPath, ScriptedBody] = {("objects", name): body for name, body in self.objects.items()}
         if isinstance(self.observer, ScriptedObserver):
-            for problem in self._duration_problems(self.observer.pieces):
-                yield Problem(("observer", "pieces", *problem.at), problem.message)
+            bodies["observer",] = self.observer
+        for key, body in bodies.items():
+            for problem in self._duration_problems(body.pieces):
+                yield Problem((*key, "pieces", *problem.at), problem.message)
 
     def _duration_problems(self, pieces: list[Piece]) -> Iterator[Problem]:
         last, is_valid = len(pieces) - 1, True

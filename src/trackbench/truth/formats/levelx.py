@@ -34,7 +34,8 @@ class _LevelX(TrafficFormat):
     def rows(self, file: Path) -> TrackRows:
         if not file.name.endswith(TRACKS):
             raise InputError(f"the file of the tracks is needed, whose name ends in {TRACKS}", file=file)
-        rate = self._frames_per_second(file)
+        recording = read_table(_neighbour_file(file, RECORDING), "csv", ["frameRate"])
+        rate = float(recording.numbers(Column("frameRate"))[0])
         motion = (self.x_column, self.y_column, "xVelocity", "yVelocity")
         heading = ("heading",) if self.from_above else ()
         rows = read_table(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
@@ -57,13 +58,6 @@ class _LevelX(TrafficFormat):
             width=width,
             kind=[kinds.get(name, "") for name in ids],
         )
-
-    def _frames_per_second(self, file: Path) -> float:
-        beside = _neighbour_file(file, RECORDING)
-        rate = float(read_table(beside, "csv", ["frameRate"]).numbers(Column("frameRate"))[0])
-        if not 0.1 <= rate <= 1000:
-            raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
-        return rate
 
 
 def _neighbour_file(file: Path, ending: str) -> Path:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Indices, Mask, Truth, Unscored
 from trackbench.base.units import wrap_angle
 from trackbench.truth.config.columns import ReferenceOptions
@@ -33,11 +32,6 @@ def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) 
     if reference.classes is not None:
         counted = {kind.casefold() for kind in reference.classes}
         target = np.array([kinds.get(name, "").casefold() in counted for name in truth.ids])
-        for kind in reference.classes:
-            if kind.casefold() not in {name.casefold() for name in kinds.values()}:
-                classes = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
-                message = f"no object is of the class {kind!r}; the file has {classes}"
-                raise InputError(message, key="truth.reference.classes")
     unscored = None
     ignores_others = reference.others is not None
     if reference.range_m is not None or drive.boxes.size or ignores_others:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -33,7 +33,7 @@ from trackbench.truth.recorded.drive import (
     rows_of_each,
     slope,
 )
-from trackbench.truth.recorded.rows import Labels, Rows
+from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.scans import column_measurements, scans_of
 from trackbench.truth.recorded.table_files import read_table
 
@@ -42,91 +42,74 @@ OBJECT = "object"
 
 
 def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Return the motion of all objects and of the observer, and the measurements of each sensor in ``measurements``.
+    """Return the motion of all objects, if there is a truth, and of the observer, and each sensor's measurements.
 
     The scenario names the columns; ``kinds`` is the kind of each sensor by name.
 
     Raises:
-        InputError: a file cannot be read, or a row is damaged.
+        InputError: a file cannot be read or is damaged; with its name, and its line or row.
     """
-    assert config.columns is not None
-    assert config.path is not None
-    columns = config.columns
-    wanted = [_time(columns.time).name, columns.object, *_names(columns), columns.kind]
+    columns, drive = config.columns, Drive({}, RowOrder(0, 0, 0.0, 0), None, {}, {})
+    time, owner = ("", None) if columns is None else (columns.time, columns.object)
+    wanted: dict[str, list[str | None]] = {}
     for name, entry in config.measurements.items():
-        if entry.path is None:
-            wanted += _wanted(entry, columns.time, columns.object, SENSOR_MODELS[kinds[name]])
-    table = read_table(find_log(config.path, folder, "truth.path"), config.format, wanted)
-    clock = table.times(_time(columns.time))
-    start = clock.first
-    seconds = clock.since(start)
-    _require_not_long(table, _time(columns.time), seconds)
-    motions, order = _motions(table, columns, seconds)
+        needs_owner = not config.unlabelled(name)
+        wanted[name] = _wanted(entry, time, owner if needs_owner else None, SENSOR_MODELS[kinds[name]])
+    tables: dict[str, Rows] = {}
+    if columns is not None:
+        shared = [column for name in wanted if config.measurements[name].path is None for column in wanted[name]]
+        shared += [_time(time).name, owner, *_names(columns), columns.kind]
+        table = read_table(find_log(config.path or "", folder, "truth.path"), config.format, shared)
+        drive, tables = _truth(table, columns), dict.fromkeys(wanted, table)
+    for name, entry in config.measurements.items():
+        if entry.path is not None:
+            file = find_log(entry.path, folder, f"truth.readings.{name}.path")
+            tables[name] = read_table(file, config.format, wanted[name])
+    clocks = {name: tables[name].times(_time(entry.time or time)) for name, entry in config.measurements.items()}
+    start = min(clock.first for clock in clocks.values()) if columns is None else drive.start
     ego = config.ego
-    moving = None if ego is None else _observer(ego, ego.time or columns.time, config, folder, start)
+    moving = None if ego is None else _observer(ego, ego.time or time, config, folder, start)
     logs: dict[str, Log] = {}
     detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
-        source, unlabelled, sensor = table, config.unlabelled(name), SENSOR_MODELS[kinds[name]]
-        if entry.path is not None:
-            needed = _wanted(entry, columns.time, None if unlabelled else columns.object, sensor)
-            source = _detections_of_file(name, entry, needed, config, folder)
-        times = source.times(_time(entry.time or columns.time)).since(start) + entry.time_offset_s
-        if unlabelled:
-            detections[name] = scans_of(source, entry, times, kinds[name])
+        table, seconds = tables[name], clocks[name].since(start)
+        _require_not_long(table, _time(entry.time or time), seconds)
+        times = seconds + entry.time_offset_s
+        if config.unlabelled(name):
+            detections[name] = scans_of(table, entry, times, kinds[name])
             continue
-        log = _log(source, entry, columns, times, sensor, list(motions))
+        log = _log(table, entry, owner, times, SENSOR_MODELS[kinds[name]], list(drive.motions))
         # A table shared with the truth or other sensors does not show empty scans of this sensor.
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
-    classes: dict[str, str] = {}
+    return replace(drive, observer=moving, logs=logs, detections=detections)
+
+
+def _truth(table: Rows, columns: TruthColumns) -> Drive:
+    clock = table.times(_time(columns.time))
+    seconds = clock.since(clock.first)
+    _require_not_long(table, _time(columns.time), seconds)
+    value = _values(table, columns)
+    ids, owner = [OBJECT], np.zeros(len(table), dtype=np.intp)
+    if columns.object is not None:
+        ids, owner = table.labels(columns.object)
+    kept, order = row_order(seconds, owner)
+    members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
+    value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
+    motions = {name: Motion(seconds[i], **{key: v[i] for key, v in value.items()}) for name, i in members.items()}
+    if columns.without_velocity:
+        motions = {name: _with_displacement_velocity(motion) for name, motion in motions.items()}
+    kinds: dict[str, str] = {}
     if columns.kind is not None:
-        names, number = _objects(table, columns)
-        first = np.unique(number, return_index=True)[1].tolist()
-        kinds_of_rows = table.labels(columns.kind, optional=True)
-        classes = {name: kinds_of_rows.names[kinds_of_rows.number[row]] for name, row in zip(names, first, strict=True)}
+        kind, first = table.labels(columns.kind, optional=True).of_rows, np.unique(owner, return_index=True)[1]
+        kinds = {name: kind[row] for name, row in zip(ids, first.tolist(), strict=True)}
     read = {"file": table.file.name, "rows": len(table)}
-    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), kinds=classes, start=start)
-
-
-def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Return a drive without a truth: the detections of each sensor, and the motion of the observer.
-
-    Raises:
-        InputError: a file cannot be read or is damaged; with its name, and its line or row.
-    """
-    tables, clocks = {}, {}
-    for name, entry in config.measurements.items():
-        needed = _wanted(entry, "", None, SENSOR_MODELS[kinds[name]])
-        tables[name] = _detections_of_file(name, entry, needed, config, folder)
-        clocks[name] = tables[name].times(_time(entry.time or ""))
-    start, moving = min(clock.first for clock in clocks.values()), None
-    detections = {}
-    for name, entry in config.measurements.items():
-        seconds = clocks[name].since(start)
-        _require_not_long(tables[name], _time(entry.time or ""), seconds)
-        detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, kinds[name])
-    if config.ego is not None:
-        moving = _observer(config.ego, config.ego.time or "", config, folder, start)
-    return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections)
-
-
-def _detections_of_file(
-    name: str, entry: MeasurementColumns, columns: Iterable[str | None], config: RecordingOptions, folder: Path
-) -> Rows:
-    file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
-    return read_table(file, config.format, columns)
+    return Drive(motions, order, None, {}, read, frames=np.unique(seconds), kinds=kinds, start=clock.first)
 
 
 def _require_not_long(table: Rows, time: Column, seconds: Array) -> None:
     if seconds.max() > jumps.LONGEST:
         row = int(np.argmax(seconds))
         raise table.error(row, f"{time.name}: {jumps.why_too_long(seconds[row])}")
-
-
-def _objects(table: Rows, columns: TruthColumns) -> Labels:
-    if columns.object is None:
-        return Labels([OBJECT], np.zeros(len(table), dtype=np.intp))
-    return table.labels(columns.object)
 
 
 def _time(text: str) -> Column:
@@ -155,18 +138,6 @@ def _values(table: Rows, columns: MotionColumns) -> dict[str, Array]:
     return {key: table.numbers(column) for key, column in columns.stated.items()}
 
 
-def _motions(table: Rows, columns: TruthColumns, seconds: Array) -> tuple[dict[str, Motion], RowOrder]:
-    value = _values(table, columns)
-    ids, owner = _objects(table, columns)
-    kept, order = row_order(seconds, owner)
-    members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
-    value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
-    motions = {name: Motion(seconds[i], **{key: v[i] for key, v in value.items()}) for name, i in members.items()}
-    if columns.without_velocity:
-        motions = {name: _with_displacement_velocity(motion) for name, motion in motions.items()}
-    return motions, order
-
-
 def _with_displacement_velocity(motion: Motion) -> Motion:
     return motion._replace(vx=slope(motion.px, motion.time), vy=slope(motion.py, motion.time))
 
@@ -188,13 +159,13 @@ def _observer(
 def _log(
     table: Rows,
     entry: MeasurementColumns,
-    columns: TruthColumns,
+    owner_column: str | None,
     times: Array,
     sensor: type[Sensor],
     ids: list[str],
 ) -> Log:
     measurement, rows = column_measurements(table, entry, sensor)
-    owner = _owners(table, entry.object or columns.object, rows, ids, blank=entry.path is not None)
+    owner = _owners(table, entry.object or owner_column, rows, ids, blank=entry.path is not None)
     alarm = np.flatnonzero(owner < 0)
     alarm = alarm[np.argsort(times[rows[alarm]], kind="stable")]
     measured_rows, owners = rows[owner >= 0], owner[owner >= 0]
