@@ -101,7 +101,7 @@ def changed(row: int, column: str, value: object) -> list[list[object]]:
 # What is wrong in both formats: rows, the row at fault (from 0; None: the file), and what is said.
 DAMAGED = {
     "NaN": (changed(1, "x_km", float("nan")), 1, "x_km is not a finite number: 'nan'"),
-    "empty": (changed(3, "y_km", ""), 3, "y_km is empty, where a number is expected"),
+    "empty": (changed(3, "y_km", ""), 3, "y_km is not a finite number: "),
     "half a measurement": (
         changed(3, "az_deg", ""),
         3,

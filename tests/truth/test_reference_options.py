@@ -240,7 +240,7 @@ def test_what_does_not_fit_is_named_in_one_line(tmp_path: Path, changes: dict[st
     [
         ([1.0, "near", "car", 1, 20, 0, 0, 0, 0, 0, 2], "boxes.csv:2: l is '0': it would be 0 m, and 0.001 to 100 m"),
         ([1.0, "near", "car", 1, 20, 0, 0, 0, 0, 4, -2], "boxes.csv:2: w is '-2': it would be -2 m"),
-        ([1.0, "near", "car", 1, 20, 0, 0, 0, 0, "", 2], "boxes.csv:2: l is empty"),
+        ([1.0, "near", "car", 1, 20, 0, 0, 0, 0, "", 2], "boxes.csv:2: l is not a finite number: ''"),
         ([1.0, "", "car", 1, 20, 0, 0, 0, 0, 4, 2], "boxes.csv:2: who is empty"),
     ],
 )

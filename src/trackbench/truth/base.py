@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from trackbench.base.config import Config, problem_error
 from trackbench.base.plugins import Registry, lacks_class
@@ -53,6 +53,7 @@ class TruthSource(Config, ABC):
     #: Whether ``load`` takes too little time to be worth a process of its own.
     quick: ClassVar[bool] = False
     source: str = Field("", description="Where the true motion comes from.")
+    _scene_name: str = PrivateAttr("")
 
     @model_validator(mode="before")
     @classmethod
@@ -69,7 +70,13 @@ class TruthSource(Config, ABC):
     @property
     def scene_name(self) -> str:
         """Name that distinguishes the scene from the other scenes; empty for a single scene."""
-        return ""
+        return self._scene_name
+
+    def _with(self, **private: Any) -> Self:
+        result = self.model_copy()
+        for key, value in private.items():
+            setattr(result, key, value)
+        return result
 
     def stored(self) -> LoadedTruth | None:
         """Return the truth if it is available without simulation; None if ``load`` has to make it."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from decimal import Decimal
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -81,26 +82,17 @@ def recording_rate(config: TrafficOptions, folder: Path) -> float:
     return round(1 / _recorded_vehicles(config, folder).frames.dt, 6)
 
 
-#: Options in which the scenes of one recording differ.
-OF_SCENE = {"observer", "targets", "others_within_m"}
-#: Recordings read last, by all that determines them; the scenes of a scenario share one.
-_RECENT: dict[Hashable, RecordedVehicles] = {}
-
-
 def _recorded_vehicles(config: TrafficOptions, folder: Path) -> RecordedVehicles:
     file, version = Path(TRAFFIC_FORMATS.name_of(type(config.format))), (0, 0)
     if config.path is not None:
         file = find_log(config.path, folder, "truth.path")
         version = file.stat().st_mtime_ns, file.stat().st_size
-    key = type(config.format), config.model_dump_json(exclude=OF_SCENE), file.absolute(), version
-    if key not in _RECENT:
-        for other in [*_RECENT][:-1]:
-            del _RECENT[other]
-        _RECENT[key] = _read_vehicles(config, file)
-    return _RECENT[key]
+    of_any_scene = {"observer": FixedObserver(), "targets": "all", "others_within_m": None}
+    return _read_vehicles(config.scenes()[0].model_copy(update=of_any_scene), file, version)
 
 
-def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
+@lru_cache(maxsize=2)
+def _read_vehicles(config: TrafficOptions, file: Path, _version: tuple[int, int]) -> RecordedVehicles:
     """Return the vehicles between the scenario's start and end times, smoothed and audited."""
     smoothing = config.smoothing
     tracks, clock = moving_tracks(config.format.read(file), file)

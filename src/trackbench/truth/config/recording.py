@@ -95,13 +95,8 @@ class RecordingOptions(ReferenceTruth):
         description="csv and parquet: the recorded motion of what carries the sensors, in a file of its own; otherwise "
         "observer.",
     )
-    _log_name: str = PrivateAttr("")
     _hidden: bool = PrivateAttr(False)
     _every: slice = PrivateAttr(slice(None))
-
-    @property
-    def scene_name(self) -> str:
-        return self._log_name
 
     @property
     def hidden(self) -> bool:
@@ -135,12 +130,6 @@ class RecordingOptions(ReferenceTruth):
         entry = self.measurements[sensor]
         return self.without_truth or (self._hidden and entry.path is not None and entry.object is None)
 
-    def _with(self, **private: Any) -> Self:
-        result = self.model_copy()
-        for key, value in private.items():
-            setattr(result, key, value)
-        return result
-
     def _paths(self) -> dict[KeyPath, str | list[str]]:
         """Return all given paths by the key that holds them; the truth's path comes first."""
         entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None] = {
@@ -159,7 +148,7 @@ class RecordingOptions(ReferenceTruth):
             "measurements": {key: of_log(entry) for key, entry in self.measurements.items()},
             "ego": of_log(self.ego),
         }
-        return of_log(self).model_copy(update=update)._with(_log_name=name)  # type: ignore[no-any-return]
+        return of_log(self).model_copy(update=update)._with(_scene_name=name)  # type: ignore[no-any-return]
 
     def _problems_of_logs(self) -> Iterator[Problem]:
         paths = self._paths()

@@ -5,9 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, Tag
+from pydantic import Field, Tag
 
-from trackbench.base.config import MAPPING, Angle, Config, KeyPath, Name, NonNegative, Positive, Problem, chosen_by
+from trackbench.base.config import (
+    MAPPING,
+    Angle,
+    Config,
+    KeyPath,
+    Name,
+    NonNegative,
+    Positive,
+    Problem,
+    chosen_by,
+    shape,
+)
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
@@ -163,13 +174,9 @@ class ScriptedObserver(ScriptedBody):
 
 
 def _observer_kind(value: Any) -> str | None:
-    if isinstance(value, BaseModel):
-        return "<drive>" if isinstance(value, ScriptedObserver) else MAPPING
-    if not isinstance(value, dict):
-        return None
-    if not value.keys() & ScriptedObserver.model_fields.keys():
-        return MAPPING
-    return None if value.keys() & MovingObserver.model_fields.keys() else "<drive>"
+    if isinstance(value, dict):
+        return "<drive>" if value.keys() & ScriptedObserver.model_fields.keys() else MAPPING
+    return "<drive>" if isinstance(value, ScriptedObserver) else shape(value)
 
 
 Observer = Annotated[
@@ -177,7 +184,7 @@ Observer = Annotated[
     chosen_by(
         _observer_kind,
         "write a point {x: 0, y: 0, yaw_deg: 0, vx_mps: 20}, or a vehicle "
-        "{start: {speed_mps: 20}, pieces: [...], length_m: 5, width_m: 2}, and not keys of both",
+        "{start: {speed_mps: 20}, pieces: [...], length_m: 5, width_m: 2}",
     ),
 ]
 

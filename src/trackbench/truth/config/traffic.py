@@ -115,10 +115,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
         return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else ""
 
     def scenes(self) -> Sequence[Self]:
-        scenes = [self.model_copy() for _ in self.vehicles or [""]]
-        for number, scene in enumerate(scenes):
-            scene._scene = number
-        return scenes
+        return [self._with(_scene=number) for number in range(len(self.vehicles) or 1)]
 
     def problems(self) -> Iterator[Problem]:
         if self.format.endings and self.path is None:
@@ -132,11 +129,6 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
     path: Paths = Field(description="The file. Of several sequences a list of files, each of which is a scene.")
-    _sequence: str = PrivateAttr("")
-
-    @property
-    def scene_name(self) -> str:
-        return self._sequence
 
     @property
     def number_of_logs(self) -> int:
@@ -144,10 +136,9 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     def scenes(self) -> Sequence[Self]:
         files = files_in(self.path)
-        scenes = [self.model_copy(update={"path": file}) for file in files]
-        for scene, name in zip(scenes, log_names(files) if len(files) > 1 else [""], strict=True):
-            scene._sequence = name
-        return scenes
+        names = log_names(files) if len(files) > 1 else [""]
+        sequences = zip(files, names, strict=True)
+        return [self.model_copy(update={"path": file})._with(_scene_name=name) for file, name in sequences]
 
     @property
     def has_observer(self) -> bool:

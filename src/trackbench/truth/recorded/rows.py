@@ -189,8 +189,6 @@ class Rows:
         return np.asarray(unknown.to_numpy(), dtype=bool)
 
     def _no_number(self, row: int, column: str) -> InputError:
-        if not self.texts(column)[row]:
-            return self.error(row, f"{column} is empty, where a number is expected")
         return self.error(row, f"{column} is not a finite number: {self.cell(row, column)}")
 
     def _time_stamps(self, column: str) -> TimeColumn:
