@@ -58,6 +58,7 @@ ADDED: dict[str, str] = {
 }
 #: Old path that the new commit does not have: why.
 REMOVED: dict[str, str] = {
+    "*truth.others_within_m": "an option that is gone",
     "*audit.clock_drift_s": "time is counted in the simulator's steps whatever its clock",
     "*audit.repaired.own_clock": "the same",
     "*audit.repaired.velocity_from_course_and_slip": "what the simulator states and no truth uses is not judged",

@@ -76,7 +76,7 @@ def test_optional_cells_may_be_empty_or_nan() -> None:
     rows = rows_of_columns(Path("a"), {"x": ["1", "", "NaN", " ", "2"], "y": [1, None, float("nan"), 2.5, 3]})
     np.testing.assert_array_equal(rows.numbers(Column("x", factor=2.0), optional=True), [2, np.nan, np.nan, np.nan, 4])
     np.testing.assert_array_equal(rows.numbers(Column("y"), optional=True), [1, np.nan, np.nan, 2.5, 3])
-    with pytest.raises(InputError, match="row 2: x is empty"):
+    with pytest.raises(InputError, match="row 2: x is not a finite number"):
         rows.numbers(Column("x"))
 
 

@@ -65,7 +65,7 @@ def live(scenario: Scenario | Named) -> LiveEpisode:
 
     Args:
         scenario: a scenario, or an argument of :func:`load`; only its first scene is used. Its ``trackers``,
-            ``truth.ego``, ``truth.targets`` and ``truth.others_within_m`` are not used: all other vehicles are objects.
+            ``truth.ego`` and ``truth.targets`` are not used: all other vehicles are objects.
 
     Raises:
         InputError: something is wrong in the scenario, its truth is not highway-env, or its sensors stand still.

@@ -17,7 +17,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
 from trackbench.truth.config.traffic import TracksConfig, files_in
-from trackbench.truth.sources import HighwayTruth, RecordingTruth, ScriptedTruth
+from trackbench.truth.sources import RecordingTruth, ScriptedTruth
 
 #: Times that differ by less are equal, s: a difference of times has rounding errors.
 ROUNDING = 1e-9
@@ -130,8 +130,6 @@ def _if_known(scenario: ScenarioKeys) -> Iterator[Problem]:
         if key in scenario.score.model_fields_set:
             yield Problem(("score", key), f"is of tracks; {REMEDY}")
     truth = scenario.truth
-    if isinstance(truth, HighwayTruth) and truth.others_within_m is not None:
-        yield Problem(("truth", "others_within_m"), f"with known identities only targets are measured; {REMEDY}")
     for name, body in truth.objects.items() if isinstance(truth, ScriptedTruth) else ():
         if not body.target:
             message = f"with known identities every object is a target; {REMEDY}"

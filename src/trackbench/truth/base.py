@@ -54,6 +54,7 @@ class TruthSource(Config, ABC):
     quick: ClassVar[bool] = False
     source: str = Field("", description="Where the true motion comes from.")
     _scene_name: str = PrivateAttr("")
+    _others_within_m: float | None = PrivateAttr(None)
 
     @model_validator(mode="before")
     @classmethod
@@ -143,12 +144,14 @@ class TruthSource(Config, ABC):
         """Return a copy whose truth has all objects, not only targets, as hidden identities need.
 
         Args:
-            within_m: distance from the observer, m, beyond which objects that are no targets may be left out. It is
-                the default of the option ``others_within_m``, if the source has one.
+            within_m: distance from the observer, m, beyond which objects that are no targets may be left out.
         """
-        if getattr(self, "others_within_m", within_m) is not None:
-            return self
-        return self.model_copy(update={"others_within_m": within_m})
+        return self._with(_others_within_m=within_m)
+
+    @property
+    def others_within_m(self) -> float | None:
+        """Distance, m, as given to ``with_all_objects``; None if the truth has only targets."""
+        return self._others_within_m
 
     def with_hidden_identities(self) -> Self:
         """Return a copy whose truth suits trackers that are not told which object a detection is from."""

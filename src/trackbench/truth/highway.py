@@ -120,13 +120,11 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
         bodies = bodies_near(config.others_within_m, frames, observer, named, carrier)
     truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
-    unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
-    if config.drivers == "steady":
-        unused.add("drivers")
+    is_unused = {"sizes": config.sizes is None, "drivers": config.drivers == "steady"}
     truth = replace(
         truth,
         roads=lane_edges(lanes, *everywhere),
-        source=config.model_dump(mode="json", exclude={"seeds", *unused}),
+        source=config.model_dump(mode="json", exclude={"seeds", *(name for name in is_unused if is_unused[name])}),
         target=np.isin(bodies, targets),
     )
     collided = frames.collided[:, bodies], frames.collided[:, 0] & (config.observer == "ego")

@@ -48,6 +48,7 @@ def stored(config: HighwayOptions) -> LoadedTruth | None:
 def _key(config: HighwayOptions) -> str:
     meaning = {
         "config": config.model_dump(mode="json", exclude={"drivers"} if config.drivers == "steady" else set()),
+        "others_within_m": config.others_within_m,
         "versions": {package: version(package) for package in PACKAGES},
         "source": fingerprint(motion_files()),
     }

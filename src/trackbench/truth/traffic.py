@@ -87,8 +87,7 @@ def _recorded_vehicles(config: TrafficOptions, folder: Path) -> RecordedVehicles
     if config.path is not None:
         file = find_log(config.path, folder, "truth.path")
         version = file.stat().st_mtime_ns, file.stat().st_size
-    of_any_scene = {"observer": FixedObserver(), "targets": "all", "others_within_m": None}
-    return _read_vehicles(config.scenes()[0].model_copy(update=of_any_scene), file, version)
+    return _read_vehicles(config.recording, file, version)
 
 
 @lru_cache(maxsize=2)

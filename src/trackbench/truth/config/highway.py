@@ -77,13 +77,6 @@ ChosenTargets = Annotated[
         "{ids: [...]}."
     ),
 ]
-OthersWithin = Annotated[
-    Positive | None,
-    Field(
-        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
-        "targets names it, m. The reach of the sensors and 10 m unless given."
-    ),
-]
 
 
 class HighwayOptions(SteppedTruth):
@@ -124,7 +117,6 @@ class HighwayOptions(SteppedTruth):
     sizes: VehicleSizes | None = Field(
         None, description="Shares of the vehicles with the size of vans and trucks, drawn from the seed."
     )
-    others_within_m: OthersWithin = None
 
     @property
     def scene_name(self) -> str:

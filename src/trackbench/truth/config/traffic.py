@@ -22,7 +22,7 @@ from trackbench.base.config import (
 )
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource, distinct
-from trackbench.truth.config.highway import ChosenTargets, OthersWithin
+from trackbench.truth.config.highway import ChosenTargets
 from trackbench.truth.config.logs import Paths, find_log, log_names
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficFormat, read_rows
@@ -93,7 +93,6 @@ class TrafficOptions(TruthSource, OptionsBeside):
         description="What to do with motion that no vehicle makes: refuse the recording with the figure, or take it as "
         "it is (repair: cut tracks where they jump; velocities that contradict the motion come from the displacement).",
     )
-    others_within_m: OthersWithin = None
     length_m: Positive = Field(4.5, description="Length of a vehicle of which the file does not say it, m.")
     width_m: Positive = Field(1.8, description="Width of a vehicle of which the file does not say it, m.")
     _scene: int = PrivateAttr(0)
@@ -104,6 +103,12 @@ class TrafficOptions(TruthSource, OptionsBeside):
         if isinstance(self.observer, FixedObserver):
             return []
         return self.observer.vehicle if isinstance(self.observer.vehicle, list) else [self.observer.vehicle]
+
+    @property
+    def recording(self) -> Self:
+        """Copy with what the scenes of a recording have in common."""
+        common = self.model_copy(update={"observer": FixedObserver(), "targets": "all"})
+        return common._with(_scene=0, _others_within_m=None)
 
     @property
     def scene(self) -> int:
