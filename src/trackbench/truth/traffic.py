@@ -50,13 +50,8 @@ class RecordedVehicles(NamedTuple):
     """Reading of the file's clock at the first instant, s."""
 
 
-class SceneBodies(NamedTuple):
-    """Indices of the bodies that a scene shows."""
-
-    carrier: int | None
-    """Index of the body with the observer; None for a fixed observer."""
-    present: list[int]
-    """Indices of all bodies in the scene, including the carrier."""
+#: Index of the body with the observer, None for a fixed one; and indices of all bodies in the scene, with that one.
+SceneBodies = tuple[int | None, list[int]]
 
 
 def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
@@ -155,7 +150,7 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             raise InputError(message, key="truth.observer.vehicle")
     carriers: list[int | None] = [number[name] for name in config.vehicles] or [None]
     if config.format.simultaneous:
-        return [SceneBodies(carrier, list(range(len(frames.ids)))) for carrier in carriers]
+        return [(carrier, list(range(len(frames.ids)))) for carrier in carriers]
     is_apart = ~overlaps(frames, APART_M)
     scenes: list[list[int]] = [[] if carrier is None else [carrier] for carrier in carriers]
     for body in range(len(frames.ids)):
@@ -163,20 +158,21 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             place = next((scene for scene in scenes if is_apart[body, scene].all()), None)
             if place is not None:
                 place.append(body)
-    return [SceneBodies(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
+    return [(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
 
 
 def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
-    frames, carrier, first = _selected_bodies(traffic.frames, scene.present), None, 0
-    if scene.carrier is None:
+    own, present_bodies = scene
+    frames, carrier, first = _selected_bodies(traffic.frames, present_bodies), None, 0
+    if own is None:
         assert isinstance(config.observer, FixedObserver)
         frames = _during(frames, 0, len(frames.px) - 1)
         observer = fixed_observer(config.observer, len(frames.px))
     else:
-        present = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
+        present = np.flatnonzero(traffic.frames.alive[:, own])
         first = int(present[0])
         frames = _during(frames, first, int(present[-1]))
-        carrier = frames.ids.index(traffic.frames.ids[scene.carrier])
+        carrier = frames.ids.index(traffic.frames.ids[own])
         observer = frames.carrier(carrier)
     bodies = targets = target_bodies(config.targets, frames, observer, carrier)
     if config.others_within_m is not None:

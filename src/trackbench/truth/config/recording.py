@@ -151,15 +151,11 @@ class RecordingOptions(ReferenceTruth):
         return of_log(self).model_copy(update=update)._with(_scene_name=name)  # type: ignore[no-any-return]
 
     def _problems_of_logs(self) -> Iterator[Problem]:
-        paths = self._paths()
-        if not any(isinstance(path, list) for path in paths.values()):
-            return
-        first, expected = next((key, len(path)) for key, path in paths.items() if isinstance(path, list))
-        for key, path in paths.items():
-            files = path if isinstance(path, list) else [path]
-            if len(files) != expected:
-                needed = f"one for each of the {expected} of truth.{'.'.join(map(str, first))}, in the same order"
-                yield Problem(key, f"{counted(len(files), 'file')}, where there must be {needed}")
+        for key, path in self._paths().items():
+            count = len(path) if isinstance(path, list) else 1
+            if count != self.number_of_logs:
+                needed = f"one for each of {self.number_of_logs} logs, in the same order"
+                yield Problem(key, f"{counted(count, 'file')}, where there must be {needed}")
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Return each sensor in ``kinds`` (its kind, by name) for which the files have measurements."""
