@@ -101,9 +101,9 @@ VEHICLE = "rate_hz: 20\n  observer: {start: {speed_mps: 5}, pieces: [{}]}\n"
         (
             "start: ",
             "x: 1, start: ",
-            "truth.observer.x: unknown key; choose from: length_m, pieces, start, width_m",
+            "truth.observer.x: unknown key",
         ),
-        ("pieces: [{}]", "vx_mps: 1", "truth.observer.vx_mps: unknown key; it may be a key of pieces or start"),
+        ("pieces: [{}]", "vx_mps: 1", "truth.observer.vx_mps: unknown key; choose from: start"),
         ("{}", "{for_s: 9}", "truth.observer.pieces.0.for_s: pieces last 9 s, but truth.duration_s is 20"),
         ("{}", "{white: {motion: cv, acceleration_sigma_mps2: 3}}", "truth.observer.pieces.0: the observer drives"),
         ("{}", "{until_stop: true}", "truth.observer.pieces.0.until_stop: only used with a negative acceleration_mps2"),

@@ -359,7 +359,7 @@ def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Itera
     """Yield contradictions between a recording and ``sensing.identities``."""
     is_known = scenario.sensing.identities == "known"
     only = "only used with sensing: {identities: hidden}; remove"
-    for key in truth.reference.of_tracks if is_known else ():
+    for key in sorted(truth.reference.model_fields_set) if is_known else ():
         yield Problem(("truth", "reference", key), only)
     if is_known and truth.stretches is not None:
         yield Problem(("truth", "stretches"), f"{only}: errors have intervals without it")

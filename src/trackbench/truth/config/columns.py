@@ -201,8 +201,3 @@ class ReferenceOptions(Config):
         description="ignored: tracks on no object do not count, as where only one car of many is in the truth. Missed "
         "objects, positions and switches are scored; metrics of false tracks are n/a. Default: they are false tracks.",
     )
-
-    @property
-    def of_tracks(self) -> list[str]:
-        """Names of the given options that restrict what is scored."""
-        return [key for key in ("range_m", "classes", "others") if getattr(self, key)]
