@@ -48,6 +48,8 @@ RENAMED_VALUES: dict[str, dict[str, str]] = {}
 #: New path that the old commit does not have: why.
 ADDED: dict[str, str] = {
     "*truth.recorded_motion*": "of recorded traffic: what as_recorded and as_used had",
+    "*truth.targets.ids": "null beside nearest",
+    "*truth.targets.nearest": "null beside ids",
     "*result.json:tables*": "digests of the files of the tables",
     "*trackers[*].offline": "whether a tracker's results were made elsewhere",
     "*trackers[*].paired": "whether its tracks are of the measurements of the others",
@@ -59,6 +61,7 @@ ADDED: dict[str, str] = {
 }
 #: Old path that the new commit does not have: why.
 REMOVED: dict[str, str] = {
+    "*truth.others_within_m": "an option that is gone",
     "*audit.clock_drift_s": "time is counted in the simulator's steps whatever its clock",
     "*audit.repaired.own_clock": "the same",
     "*audit.repaired.velocity_from_course_and_slip": "what the simulator states and no truth uses is not judged",

@@ -16,7 +16,7 @@ GNN = {"gnn": {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, "a
 EKF = {"ekf": {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3}}
 AGENTS = {"type": "MultiAgentAction", "action_config": {"type": "DiscreteMetaAction"}}
 IDENTITIES: dict[str, dict[str, Any]] = {
-    "hidden": {"truth.others_within_m": 1e6, "trackers": GNN, "score": {}},
+    "hidden": {"truth.targets": {"nearest": 1000}, "trackers": GNN, "score": {}},
     "known": {"truth.targets": "all", "trackers": EKF},
 }
 

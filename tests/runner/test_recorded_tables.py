@@ -15,17 +15,17 @@ from trackbench.truth import Draw, LoadedTruth
 from trackbench.truth.sources import RecordingTruth
 
 #: Two cars, at irregular times; the second is seen later. km, km/h and degrees.
-HEAD = ["t_ms", "who", "x_km", "y_km", "v_kmph", "course_deg", "r_km", "az_deg", "rr_kmph"]
+HEAD = ["t_ms", "who", "x_km", "y_km", "vx_kmph", "vy_kmph", "r_km", "az_deg", "rr_kmph"]
 ROWS = [
-    [1000, "a", 0.010, 0.020, 36.0, 90.0, 0.021, 1.5, -18.0],
-    [1030, "a", 0.010, 0.0203, 36.0, 90.0, "", "", ""],
-    [1030, "b", 0.050, 0.000, 72.0, 180.0, 0.051, 190.0, 3.6],
-    [1100, "a", 0.010, 0.021, 36.0, 90.0, 0.022, 2.5, -17.0],
-    [1250, "b", 0.0456, 0.000, 72.0, 180.0, "", "", ""],
+    [1000, "a", 0.010, 0.020, 0.0, 36.0, 0.021, 1.5, -18.0],
+    [1030, "a", 0.010, 0.0203, 0.0, 36.0, "", "", ""],
+    [1030, "b", 0.050, 0.000, -72.0, 0.0, 0.051, 190.0, 3.6],
+    [1100, "a", 0.010, 0.021, 0.0, 36.0, 0.022, 2.5, -17.0],
+    [1250, "b", 0.0456, 0.000, -72.0, 0.0, "", "", ""],
 ]
-COLUMNS = {"time": "t_ms", "object": "who", "px": "x_km", "py": "y_km", "speed": "v_kmph", "course": "course_deg"}
-UNITS = {"time": "ms", "length": "km", "speed": "kmph", "angle": "deg"}
-MEASUREMENTS = {"front": {"range": "r_km", "azimuth": "az_deg", "range_rate": "rr_kmph"}}
+MOTION = {"px": "x_km:km", "py": "y_km:km", "vx": "vx_kmph:kmph", "vy": "vy_kmph:kmph"}
+COLUMNS = {"time": "t_ms:ms", "object": "who", **MOTION}
+MEASUREMENTS = {"front": {"range": "r_km:km", "azimuth": "az_deg:deg", "range_rate": "rr_kmph:kmph"}}
 
 
 def write(file: Path, rows: list[list[object]] = ROWS, head: list[str] = HEAD) -> None:
@@ -39,7 +39,7 @@ def write(file: Path, rows: list[list[object]] = ROWS, head: list[str] = HEAD) -
 
 def load(file: Path, **keys: object) -> LoadedTruth:
     form = file.suffix[1:]
-    entry = {"columns": COLUMNS, "units": UNITS, "readings": MEASUREMENTS, **keys}
+    entry = {"columns": COLUMNS, "readings": MEASUREMENTS, **keys}
     config = RecordingTruth.model_validate({"source": "recording", "format": form, "path": file.name, **entry})
     return config.load(Draw(0, "test", 1), folder=file.parent, sensors={"front": "radar", "roof": "lidar"})
 
@@ -74,7 +74,7 @@ def test_measurements_of_a_second_file_at_times_of_their_own(file: Path) -> None
     write(file)
     other = file.with_name(f"lidar{file.suffix}")
     write(other, [[1010, "a", 1.0, 2.0], [1100, "b", 3.0, 4.0]], ["stamp", "id", "fore", "left"])
-    entry = {"path": other.name, "time": "stamp", "object": "id", "x": "fore", "y": "left"}
+    entry = {"path": other.name, "time": "stamp:ms", "object": "id", "x": "fore:km", "y": "left:km"}
     loaded = load(file, readings={"roof": entry})
     np.testing.assert_allclose(loaded.truth.time, [0, 0.01, 0.03, 0.1, 0.25])
     np.testing.assert_allclose(loaded.truth.py[:2, 0, 0], [20, 20.1])
@@ -87,7 +87,9 @@ def test_measurements_of_a_second_file_at_times_of_their_own(file: Path) -> None
 def test_nanoseconds_since_1970_keep_their_differences(file: Path) -> None:
     start = 1_477_010_443_000_000_000
     write(file, [[start + 10 * k, "a", 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0] for k in range(3)])
-    np.testing.assert_allclose(load(file, units={"time": "ns"}).truth.time, [0, 1e-8, 2e-8], rtol=1e-12)
+    np.testing.assert_allclose(
+        load(file, columns={**COLUMNS, "time": "t_ms:ns"}).truth.time, [0, 1e-8, 2e-8], rtol=1e-12
+    )
 
 
 def changed(row: int, column: str, value: object) -> list[list[object]]:
@@ -99,7 +101,7 @@ def changed(row: int, column: str, value: object) -> list[list[object]]:
 # What is wrong in both formats: rows, the row at fault (from 0; None: the file), and what is said.
 DAMAGED = {
     "NaN": (changed(1, "x_km", float("nan")), 1, "x_km is not a finite number: 'nan'"),
-    "empty": (changed(3, "y_km", ""), 3, "y_km is empty, where a number is expected"),
+    "empty": (changed(3, "y_km", ""), 3, "y_km is not a finite number: "),
     "half a measurement": (
         changed(3, "az_deg", ""),
         3,
@@ -159,7 +161,7 @@ def test_measurements_without_truth_are_refused(
     write(file)
     write(other, rows, ["t_ms", "who", "fore", "left"])
     with pytest.raises(InputError, match=message) as caught:
-        load(file, readings={"roof": {"path": other.name, "x": "fore", "y": "left"}})
+        load(file, readings={"roof": {"path": other.name, "x": "fore:km", "y": "left:km"}})
     assert (caught.value.file, caught.value.line) == (other if line else None, line)
 
 
@@ -168,7 +170,7 @@ def test_what_lies_outside_the_truth_is_left_out_and_counted(file: Path) -> None
     other = file.with_name(f"lidar{file.suffix}")
     rows = [[999.982, "a", 9.0, 9.0], [1010, "a", 1.0, 2.0], [1200, "a", 9.0, 9.0], [1300, "b", 9.0, 9.0]]
     write(other, rows, ["t_ms", "who", "fore", "left"])
-    loaded = load(file, readings={"roof": {"path": other.name, "x": "fore", "y": "left"}})
+    loaded = load(file, readings={"roof": {"path": other.name, "x": "fore:km", "y": "left:km"}})
     assert loaded.truth.source["left_out"] == {"roof": {"outside the time of the truth": 3}}
     assert loaded.notes[1:] == ("roof: left out 3 rows outside the time of the truth",)
     found = loaded.measurements["roof"].measurement
@@ -191,17 +193,6 @@ def test_rows_out_of_order_are_sorted_and_doubles_left_out(file: Path) -> None:
         )
 
 
-def test_each_column_may_have_a_unit_of_its_own(file: Path) -> None:
-    write(file)
-    plain = load(file)
-    columns = {**COLUMNS, "units": {"time": "ms", "px": "km", "py": "km", "speed": "kmph", "course": "deg"}}
-    own = {**MEASUREMENTS["front"], "units": {"time": "ms", "range": "km", "azimuth": "deg", "range_rate": "kmph"}}
-    other = load(file, columns=columns, units={}, readings={"front": own})
-    np.testing.assert_allclose(other.truth.vy, plain.truth.vy)
-    np.testing.assert_allclose(other.truth.py, plain.truth.py)
-    np.testing.assert_allclose(other.measurements["front"].measurement, plain.measurements["front"].measurement)
-
-
 def test_a_known_bias_is_subtracted_and_late_stamps_are_put_right(file: Path) -> None:
     write(file)
     entry = {**MEASUREMENTS["front"], "bias": {"range": 0.001}, "time_offset_s": -0.02}
@@ -218,9 +209,8 @@ def test_the_observer_may_have_a_file_of_its_own(file: Path) -> None:
     other = file.with_name(f"ego{file.suffix}")
     poses = [[k * 1_000, 10 * (k / 1000 - 1), 0.0, (170 + 0.1 * (k - 1000)) % 360] for k in range(990, 1300, 10)]
     write(other, poses, ["stamp", "east", "north", "yaw"])
-    observer = {"path": other.name, "time": "stamp", "px": "east", "py": "north", "yaw": "yaw"}
-    units = {"units": {"time": "us", "px": "m", "py": "m", "yaw": "deg"}}
-    truth = load(file, ego={**observer, **units}).truth
+    observer = {"path": other.name, "time": "stamp:us", "px": "east", "py": "north", "yaw": "yaw:deg"}
+    truth = load(file, ego=observer).truth
     np.testing.assert_allclose(truth.time, [0, 0.03, 0.1, 0.25])
     np.testing.assert_allclose(truth.observer.px, 10 * truth.time, atol=1e-9)
     np.testing.assert_allclose(truth.observer.vx, 10)
@@ -252,7 +242,7 @@ def cars(folder: Path, period: float, keep: list[int]) -> LoadedTruth:
     write(folder / "radar.csv", rows, ["t", "r", "az", "rr"])
     columns = {"time": "t", "px": "x", "py": "y", "vx": "u", "vy": "v"}
     front = {"path": "radar.csv", "range": "r", "azimuth": "az", "range_rate": "rr"}
-    return load(file, columns=columns, units={}, readings={"front": front})
+    return load(file, columns=columns, readings={"front": front})
 
 
 def test_scans_that_detected_nothing_are_found_by_the_period(tmp_path: Path) -> None:

@@ -131,22 +131,18 @@ def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
             "truth.readings.lidar.z: sensor lidar is a lidar, which reads x, y",
         ),
         (
-            {"truth": {**TABLE, "columns": {**TABLE["columns"], "units": {"pz": "m"}}}},
-            "truth.columns.units.pz: no column is given for 'pz'; did you mean 'py'?",
-        ),
-        (
             {"truth": {**TABLE, "readings": {"lidar": {"x": "a"}}}},
             "truth.readings.lidar.y: missing: a lidar reads x, y",
         ),
-        ({"truth": {**UDACITY["truth"], "units": {}}}, "truth.units: format udacity has fixed columns and units"),
+        ({"truth": {**UDACITY["truth"], "readings": {}}}, "truth.readings: format udacity has fixed columns and units"),
         ({"truth": {"source": "recording", "format": "csv", "path": "a"}}, "truth.columns: missing: format csv needs"),
         (
             {"truth": {**TABLE, "columns": {"time": "t", "px": "x", "py": "y"}}},
-            "truth.columns: the velocity is missing: write vx and vy, or speed and course",
+            "truth.columns: the velocity is missing: write vx and vy",
         ),
         (
-            {"truth": {**TABLE, "columns": {**TABLE["columns"], "speed": "u"}}},
-            "truth.columns: the velocity is given twice",
+            {"truth": {**TABLE, "columns": {"time": "t", "px": "x", "py": "y", "vx": "u"}}},
+            "truth.columns: a velocity is vx and vy: write both or none",
         ),
     ],
 )

@@ -40,7 +40,7 @@ BAD = [
     (
         "{nearest: 4}",
         "{nearst: 4}",
-        ["9: truth.targets: write all, {nearest: 4} or {ids: [v1, v2]}; did you mean 'nearest'?"],
+        ["9: truth.targets.nearst: unknown key; did you mean 'nearest'?"],
     ),
     ("observer: ego", "observer: {x_m: 3}", ["8: truth.observer.x_m: unknown key; use x"]),
     ("monte_carlo:", "monte-carlo:", ["24: monte-carlo: unknown key; did you mean 'monte_carlo'?"]),

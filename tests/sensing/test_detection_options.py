@@ -78,12 +78,6 @@ def test_what_needs_hidden_identities(check: Callable[[str], str], sensor: str, 
     assert check(text.replace("hidden", "known")) == f"6: {message}\n"
 
 
-def test_a_limit_of_the_scene_needs_hidden_identities(check: Callable[[str], str]) -> None:
-    text = SCENARIO.replace("duration_s: 2", "duration_s: 2, others_within_m: 50")
-    assert check(text) == ""
-    assert check(text.replace("hidden", "known")) == f"2: truth.others_within_m: {REMEDY}\n"
-
-
 def test_shares_of_sizes_add_up_to_at_most_one(check: Callable[[str], str]) -> None:
     text = SCENARIO.replace("duration_s: 2", "duration_s: 2, sizes: {van: 0.7, truck: 0.4}")
     assert check(text) == "2: truth.sizes: the shares add up to 1.1; at most 1 is possible\n"

@@ -171,9 +171,9 @@ def test_a_damaged_row_is_named(tmp_path: Path, rows: list[str], message: str) -
         ({"truth": scenario(observer={"x": 1})["truth"]}, "truth.observer: not used with ego"),
         (
             {"truth": scenario({"path": None})["truth"]},
-            "truth.readings.radar.path: missing: without a truth, each sensor",
+            "truth.readings.radar: without a truth, it has a path",
         ),
-        ({"truth": scenario({"object": "s"})["truth"]}, "truth.readings.radar.object: names an object of the truth"),
+        ({"truth": scenario({"object": "s"})["truth"]}, "truth.readings.radar: without a truth, it has a path"),
         ({"truth": scenario({"slot": None})["truth"]}, "truth.readings.radar.new_track: is of a slot"),
         ({"truth": scenario({"y": None})["truth"]}, "truth.readings.radar.y: missing: a radar reads x, y, range_rate"),
         ({"truth": scenario({"range": "x"})["truth"]}, "truth.readings.radar.range: sensor radar is a radar"),

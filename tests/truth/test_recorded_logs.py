@@ -81,10 +81,10 @@ def test_tables_of_several_logs_go_together_by_their_place(tmp_path: Path) -> No
     ("change", "message"),
     [
         ({"path": ["truth/monday.csv", "truth/friday.csv"]}, "truth.path: scene 2 of 2: there is no file"),
-        ({"path": ["truth/monday.csv", "truth/monday.csv"]}, "truth.path.1: truth/monday.csv is there already"),
+        ({"path": ["truth/monday.csv", "truth/monday.csv"]}, "truth.path: truth/monday.csv is there already"),
         (
             {"readings": {"roof": {"path": "lidar/monday.csv", "x": "x", "y": "y"}}},
-            "truth.readings.roof.path: 1 file, where there must be one for each of the 2 of truth.path",
+            "truth.readings.roof.path: 1 file, where there must be one for each of 2 logs",
         ),
         (
             {"path": "..", "readings": {}, "columns": None, "format": "udacity"},

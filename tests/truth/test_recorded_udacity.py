@@ -113,8 +113,8 @@ DAMAGED = {
     "not a number": (cell(1, 2, "north"), 2, "azimuth is not a finite number that can be meant: 'north'"),
     "true NaN": (cell(1, -1, "NaN"), 2, "true vy is not a finite number"),
     "letter": (["X" + LINES[0][1:]], 1, "a line begins with L (lidar) or R (radar), not 'X'"),
-    "backwards": (swapped(LINES, 4, 5), 6, "time runs backwards"),
-    "twice": ([LINES[0], LINES[0]], 2, "a second lidar line at"),
+    "backwards": (swapped(LINES, 4, 5), 6, "us is out of order"),
+    "twice": ([LINES[0], LINES[0]], 2, "or the second at this time"),
     "time": (cell(0, 3, "1.5"), 1, "a whole number of microseconds, not '1.5'"),
     "columns": ([LINES[0] + "\t1\t2\t3"], 1, "the L line has 10 columns after its letter"),
 }
@@ -154,7 +154,7 @@ def test_variables_in_the_path(file: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert len(config.load(Draw(0, "test", 1), folder=Path("/"), sensors=KINDS).truth.time) == len(LINES)
     monkeypatch.delenv("TRACKBENCH_DATA")
     with pytest.raises(
-        InputError, match="TRACKBENCH_DATA is not set; it is the folder that holds recordings"
+        InputError, match="TRACKBENCH_DATA is not set; set it, such as to the folder that holds recordings"
     ) as caught:
         config.load(Draw(0, "test", 1), folder=Path("/"), sensors=KINDS)
     assert caught.value.key == "truth.path"

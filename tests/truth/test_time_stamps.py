@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from trackbench.base.errors import InputError
+from trackbench.truth.config.columns import Column
 from trackbench.truth.formats.tables import Csv, Parquet
 from trackbench.truth.recorded.rows import TimeColumn, rows_of_columns
 
@@ -40,7 +41,7 @@ def test_spellings_of_a_time_stamp(text: str, seconds: str) -> None:
 
 
 def times(cells: list[str | None]) -> TimeColumn:
-    return rows_of_columns(Path("a.csv"), {"time": cells}).times("time", 1.0)
+    return rows_of_columns(Path("a.csv"), {"time": cells}).times(Column("time"))
 
 
 @pytest.mark.parametrize("text", ["2024-05-01", "12:00:00Z", "2024-13-01T00:00:00Z", "2024-05-01T25:00:00", None])

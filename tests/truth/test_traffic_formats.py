@@ -91,7 +91,7 @@ def test_columns_may_have_other_names_and_units(tmp_path: Path) -> None:
     file = write_csv(tmp_path)
     text = file.read_text(encoding="utf-8").replace("id,class,time,x", "id,class,t,x", 1)
     file.write_text(text, encoding="utf-8")
-    form = TRAFFIC_FORMATS["csv"].model_validate({"columns": {"time": "t"}, "units": {"length": "cm"}})
+    form = TRAFFIC_FORMATS["csv"].model_validate({"columns": {"time": "t", "x": "x:cm", "length": "length:cm"}})
     track = form.read(file)[0]
     np.testing.assert_allclose(track.x, CARS["1"][0] / 100)
     assert track.length == pytest.approx(0.045)

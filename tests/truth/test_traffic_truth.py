@@ -187,7 +187,7 @@ def test_speeds_in_another_unit_are_refused(tmp_path: Path, smoothing: dict[str,
     table["speed"] *= 3.6
     table.to_csv(tmp_path / "kmph.csv", index=False)
     message = refusal(tmp_path, format="csv", path="kmph.csv", observer={"vehicle": "2"}, smoothing=smoothing)
-    assert "units: {speed: kmph}" in message
+    assert "speed: v:kmph" in message
 
 
 def test_smoothing_hides_no_jump(tmp_path: Path) -> None:

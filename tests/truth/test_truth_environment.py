@@ -13,12 +13,11 @@ from highway_env.road.lane import CircularLane
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.controller import ControlledVehicle
 
-from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Observer, Truth
 from trackbench.scenario import load_scenario
 from trackbench.truth import highway
 from trackbench.truth.audit import by_euler
-from trackbench.truth.environment import complete, rates_at_instants, steered
+from trackbench.truth.environment import rates_at_instants, steered
 from trackbench.truth.sources import HighwayTruth
 
 RATE = math.radians(30)
@@ -203,43 +202,3 @@ def test_an_object_has_no_step_before_the_one_in_which_it_appears() -> None:
     found = rates_at_instants(truth, np.array([True]))
     assert found.speed[50, 0, 0] == truth.speed[50, 0, 0]
     assert found.speed[51, 0, 0] == pytest.approx(truth.speed[51, 0, 0] - 0.5 * DT)
-
-
-DEFAULTS: dict[str, Any] = {
-    "lanes_count": 4,
-    "vehicles_density": 1,
-    "duration": 40,
-    "offroad_terminal": False,
-    "initial_lane_id": None,
-    "destination": "o1",
-    "policy_frequency": 1,
-    "reward_speed_range": [20, 30],
-    "action": {"type": "Meta", "lateral": True, "target_speeds": [0, 5, 10]},
-}
-ACTION = {"type", "lateral", "longitudinal", "target_speeds", "clip", "action_config"}
-
-
-def test_partial_action_keeps_the_defaults_of_its_type() -> None:
-    assert complete({"action": {"lateral": False}}, DEFAULTS, ACTION) == {
-        "action": {"type": "Meta", "lateral": False, "target_speeds": [0, 5, 10]}
-    }
-
-
-@pytest.mark.parametrize(
-    ("given", "key", "message"),
-    [
-        ({"lane_count": 3}, "lane_count", "unknown key; did you mean 'lanes_count'"),
-        ({"lanes_count": "3"}, "lanes_count", "must have the type of the default, 4, not '3'"),
-        ({"action": "Meta"}, "action", "must have the type of the default"),
-        ({"action": {"latral": True}}, "action.latral", "did you mean 'lateral'"),
-        (
-            {"action": {"type": "Both", "action_config": {"type": "Meta", "latral": 1}}},
-            "action.action_config.latral",
-            "did you mean 'lateral'",
-        ),
-    ],
-)
-def test_mistakes_are_named_with_their_key(given: dict[str, Any], key: str, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        complete(given, DEFAULTS, ACTION)
-    assert caught.value.key == f"truth.config.{key}"

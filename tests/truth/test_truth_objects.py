@@ -14,7 +14,8 @@ from trackbench.base.types import Truth
 from trackbench.scenario.load import load_scenario
 from trackbench.scenario.truth import truth_of, truth_source
 from trackbench.truth import highway
-from trackbench.truth.config import FixedObserver, VehicleSizes
+from trackbench.truth.config.highway import VehicleSizes
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.frames import TRUCK, VAN, Frames, with_sizes
 from trackbench.truth.sources import HighwayTruth, ScriptedTruth
 
@@ -71,12 +72,12 @@ def test_every_vehicle_near_enough_is_there_and_the_targets_are_as_before(target
 
 
 def test_of_all_vehicles_those_in_reach_are_targets() -> None:
-    of = highway.simulate(CONFIG.model_copy(update={"targets": "all", "others_within_m": 120.0}))
+    of = highway.simulate(CONFIG.model_copy(update={"targets": "all"}).with_all_objects(120.0))
     assert of.target.all()
     assert 6 < len(of.ids) < 30
-    far = {"observer": FixedObserver(x=-500.0), "targets": "all", "others_within_m": 20.0}
+    far = {"observer": FixedObserver(x=-500.0), "targets": "all"}
     with pytest.raises(InputError, match="no vehicle comes within 20 m of the observer"):
-        highway.simulate(CONFIG.model_copy(update=far))
+        highway.simulate(CONFIG.model_copy(update=far).with_all_objects(20.0))
 
 
 def test_sizes_are_drawn_and_the_drive_is_the_same(everything: Truth) -> None:
@@ -88,7 +89,7 @@ def test_sizes_are_drawn_and_the_drive_is_the_same(everything: Truth) -> None:
     assert found == {(5.0, 2.0), VAN, TRUCK}
     np.testing.assert_array_equal(drive.length, again.length)
     # A vehicle has its size whichever others are in the truth.
-    few = highway.simulate(sized.model_copy(update={"others_within_m": 30.0}))
+    few = highway.simulate(sized.with_all_objects(30.0))
     np.testing.assert_array_equal(few.length, [drive.length[drive.ids.index(name)] for name in few.ids])
 
 

@@ -11,7 +11,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Scan, Truth
 from trackbench.scenario import Scenario
 from trackbench.sensing.episodes import EpisodeSensing
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 from trackbench.truth.driven import DrivenTraffic
 
 
@@ -65,7 +65,7 @@ def live(scenario: Scenario | Named) -> LiveEpisode:
 
     Args:
         scenario: a scenario, or an argument of :func:`load`; only its first scene is used. Its ``trackers``,
-            ``truth.ego``, ``truth.targets`` and ``truth.others_within_m`` are not used: all other vehicles are objects.
+            ``truth.ego`` and ``truth.targets`` are not used: all other vehicles are objects.
 
     Raises:
         InputError: something is wrong in the scenario, its truth is not highway-env, or its sensors stand still.

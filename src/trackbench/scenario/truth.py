@@ -64,7 +64,7 @@ def require_rates(loaded: Scenario) -> None:
     for name, sensor in loaded.config.sensors.items():
         if recorded_hz is not None and sensor.rate_hz is not None and sensor.rate_hz > recorded_hz * (1 + 1e-6):
             more = f"{sensor.rate_hz:g} Hz is more than the truth has, which is recorded at {recorded_hz:g} Hz"
-            units = "" if recorded_hz >= 1 else "check the unit of its times, such as units: {time: ms}; or "
+            units = "" if recorded_hz >= 1 else "check the unit of its times, such as time: t:ms; or "
             raise InputError(f"{more}; {units}use {recorded_hz:g}", key=f"sensors.{name}.rate_hz")
 
 

@@ -16,10 +16,8 @@ from trackbench.scenario.keys import Expectation, ScenarioKeys
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
-from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
-from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.config.traffic import TracksConfig, files_in
-from trackbench.truth.sources import RecordingTruth
+from trackbench.truth.sources import RecordingTruth, ScriptedTruth
 
 #: Times that differ by less are equal, s: a difference of times has rounding errors.
 ROUNDING = 1e-9
@@ -130,13 +128,11 @@ def _of_other_identities(scenario: ScenarioKeys, is_hidden: bool) -> Iterator[Ke
         if isinstance(tracker, FilterConfig) and tracker.associate is not None:
             yield "trackers", name, "associate"
     truth = scenario.truth
-    if isinstance(truth, HighwayOptions) and truth.others_within_m is not None:
-        yield "truth", "others_within_m"
-    for name, body in truth.objects.items() if isinstance(truth, ScriptedOptions) else ():
+    for name, body in truth.objects.items() if isinstance(truth, ScriptedTruth) else ():
         if not body.target:
             yield "truth", "objects", name, "target"
     if isinstance(truth, RecordingTruth):
-        yield from (("truth", "reference", key) for key in truth.reference.of_tracks)
+        yield from (("truth", "reference", key) for key in sorted(truth.reference.model_fields_set))
         if truth.stretches is not None:
             yield "truth", "stretches"
 
@@ -172,7 +168,7 @@ def _external_tracks(scenario: ScenarioKeys) -> Iterator[Problem]:
 def _scored_point(scenario: ScenarioKeys) -> Iterator[Problem]:
     """Yield a problem if the scored point is not the centre and the size of the objects is not known."""
     truth = scenario.truth
-    if scenario.score.point == "centre" or not isinstance(truth, RecordingOptions):
+    if scenario.score.point == "centre" or not isinstance(truth, RecordingTruth):
         return
     if truth.without_truth:
         yield Problem(("score", "point"), "there is no truth, of which a point could be scored")
@@ -351,9 +347,6 @@ def _columns(truth: RecordingTruth, kinds: Mapping[str, str]) -> Iterator[Proble
                 yield Problem((*at, component), f"sensor {name} is a {kinds[name]}, which reads {', '.join(needed)}")
         if columns.copies_within_m is not None and not model.measures_position():
             yield Problem((*at, "copies_within_m"), f"a {kinds[name]} measures no position to compare; remove it")
-        quantities = columns.quantities(model.components, model.units)
-        for problem in unit_problems(columns.units, {"time": "time", **quantities}):
-            yield Problem((*at, *problem.at), problem.message)
 
 
 def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Iterator[Problem]:
@@ -366,7 +359,7 @@ def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Itera
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
         yield Problem(("truth", "path"), message)
     if is_known and truth.columns is not None and truth.columns.without_velocity:
-        yield Problem(("truth", "columns"), "the velocity is missing: write vx and vy, or speed and course")
+        yield Problem(("truth", "columns"), "the velocity is missing: write vx and vy")
     source = truth if is_known else truth.with_hidden_identities()
     unlabelled = [name for name in truth.measurements if source.unlabelled(name)]
     for name, columns in truth.measurements.items():

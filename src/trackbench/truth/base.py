@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from trackbench.base.config import Config
+from trackbench.base.config import Config, problem_error
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Progress, RecordedDetections, RecordedMeasurements, Truth, no_progress
 
@@ -17,6 +17,14 @@ from trackbench.base.types import Progress, RecordedDetections, RecordedMeasurem
 Recorded = RecordedMeasurements | RecordedDetections
 #: Largest number of scenes of one source.
 MAX_SCENES = 1000
+
+
+def distinct(values: list[Any]) -> list[Any]:
+    """Return a list of which each value makes a scene; raise an error if a value is there twice."""
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise problem_error(f"{value} is there already; each makes a scene of its own")
+    return values
 
 
 class Draw(NamedTuple):
@@ -42,7 +50,11 @@ class LoadedTruth(NamedTuple):
 class TruthSource(Config, ABC):
     """Source of the true motion. The fields of a subclass are its options in a scenario."""
 
+    #: Whether ``load`` takes too little time to be worth a process of its own.
+    quick: ClassVar[bool] = False
     source: str = Field("", description="Where the true motion comes from.")
+    _scene_name: str = PrivateAttr("")
+    _others_within_m: float | None = PrivateAttr(None)
 
     @model_validator(mode="before")
     @classmethod
@@ -59,7 +71,13 @@ class TruthSource(Config, ABC):
     @property
     def scene_name(self) -> str:
         """Name that distinguishes the scene from the other scenes; empty for a single scene."""
-        return ""
+        return self._scene_name
+
+    def _with(self, **private: Any) -> Self:
+        result = self.model_copy()
+        for key, value in private.items():
+            setattr(result, key, value)
+        return result
 
     def stored(self) -> LoadedTruth | None:
         """Return the truth if it is available without simulation; None if ``load`` has to make it."""
@@ -113,11 +131,6 @@ class TruthSource(Config, ABC):
         return []
 
     @property
-    def quick(self) -> bool:
-        """Whether ``load`` takes too little time to be worth a process of its own."""
-        return False
-
-    @property
     def random(self) -> bool:
         """Whether the motion differs from run to run."""
         return False
@@ -131,12 +144,14 @@ class TruthSource(Config, ABC):
         """Return a copy whose truth has all objects, not only targets, as hidden identities need.
 
         Args:
-            within_m: distance from the observer, m, beyond which objects that are no targets may be left out. It is
-                the default of the option ``others_within_m``, if the source has one.
+            within_m: distance from the observer, m, beyond which objects that are no targets may be left out.
         """
-        if getattr(self, "others_within_m", within_m) is not None:
-            return self
-        return self.model_copy(update={"others_within_m": within_m})
+        return self._with(_others_within_m=within_m)
+
+    @property
+    def others_within_m(self) -> float | None:
+        """Distance, m, as given to ``with_all_objects``; None if the truth has only targets."""
+        return self._others_within_m
 
     def with_hidden_identities(self) -> Self:
         """Return a copy whose truth suits trackers that are not told which object a detection is from."""

@@ -54,12 +54,11 @@ def load_boxes(config: BoxesOptions, folder: Path, *, sensors: bool) -> Truth:
         what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
         raise InputError(f"{what} are too many; take a shorter time", file=file)
     kinds = {track.id: track.kind for track in tracks}
-    for number, kind in enumerate(config.reference.classes or ()):
+    for kind in config.reference.classes or ():
         if kind.casefold() not in {class_name.casefold() for class_name in kinds.values()}:
             classes = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
-            raise InputError(
-                f"no object is of the class {kind!r}; the file has {classes}", key=f"truth.reference.classes.{number}"
-            )
+            message = f"no object is of the class {kind!r}; the file has {classes}"
+            raise InputError(message, key="truth.reference.classes")
     drive = Drive(
         {track.id: _motion(track) for track in tracks},
         RowOrder(len(rows), 0, 0.0, 0),

@@ -9,7 +9,7 @@ from highway_env.envs.common.action import MultiAgentAction
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Truth
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 from trackbench.truth.environment import Recorder, rates_at_instants
 from trackbench.truth.frames import with_sizes
 from trackbench.truth.highway import DriverModel, control_of, isolated, prepare_env, step_count

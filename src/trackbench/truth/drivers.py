@@ -13,7 +13,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 
 from trackbench.base.streams import stream
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 from trackbench.truth.environment import SteeredVehicle, mixed_with, steered
 
 #: Braking for a bend ahead, m/s^2.

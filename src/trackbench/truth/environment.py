@@ -1,9 +1,9 @@
-"""Additions to a highway-env environment: complete settings, limited steering rate, recorded steps."""
+"""Additions to a highway-env environment: limited steering rate, recorded steps."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -12,47 +12,9 @@ import numpy as np
 from highway_env.utils import not_zero, wrap_to_pi
 from highway_env.vehicle.controller import ControlledVehicle
 
-from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array, Mask, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.truth.frames import Frames
-
-#: Kinds of values that do not replace each other.
-KINDS: tuple[Any, ...] = (bool, int | float, str, list | tuple, Mapping)
-#: Keys of an action, whose own keys depend on its type.
-ACTION = ("action", "action_config")
-
-
-def complete(
-    config: Mapping[str, Any], defaults: Mapping[str, Any], action: Collection[str], at: str = "truth.config"
-) -> dict[str, Any]:
-    """Return ``config`` with missing keys of an action filled in from ``defaults``.
-
-    Args:
-        config: configuration of the scenario.
-        defaults: configuration of the environment.
-        action: keys that any type of action may have.
-        at: key of ``config`` in error messages.
-
-    Raises:
-        InputError: unknown key, or a value of another kind than its default.
-    """
-    result: dict[str, Any] = {}
-    for key, value in config.items():
-        if key not in defaults:
-            raise InputError(f"unknown key; {nearest_choices(str(key), defaults)}", key=f"{at}.{key}")
-        default = defaults[key]
-        if None not in (value, default) and _kind(value) is not _kind(default):
-            raise InputError(f"must have the type of the default, {default!r}, not {value!r}", key=f"{at}.{key}")
-        result[key] = value
-        if key in ACTION and isinstance(value, Mapping):
-            usual = default if default is not None and value.get("type", default["type"]) == default["type"] else {}
-            result[key] = {**usual, **complete(value, {**dict.fromkeys(action), **usual}, action, f"{at}.{key}")}
-    return result
-
-
-def _kind(value: Any) -> Any:
-    return next((kind for kind in KINDS if isinstance(value, kind)), None)
 
 
 class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]

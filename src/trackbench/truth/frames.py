@@ -12,7 +12,8 @@ from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config import FixedObserver, IdTargets, NearestTargets, VehicleSizes
+from trackbench.truth.config.highway import SelectedTargets, VehicleSizes
+from trackbench.truth.config.recording import FixedObserver
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def with_sizes(frames: Frames, shares: VehicleSizes, seed: int) -> Frames:
 
 
 def target_bodies(
-    targets: Literal["all"] | NearestTargets | IdTargets, frames: Frames, observer: Observer, carrier: int | None
+    targets: Literal["all"] | SelectedTargets, frames: Frames, observer: Observer, carrier: int | None
 ) -> list[int]:
     """Return the indices of the target bodies; ``carrier``, the body with the observer, is no target.
 
@@ -132,7 +133,9 @@ def target_bodies(
         InputError: a named target is not in the scene.
     """
     bodies = [i for i in range(len(frames.ids)) if i != carrier]
-    if isinstance(targets, IdTargets):
+    if targets == "all":
+        return bodies
+    if targets.ids is not None:
         by_name = {frames.ids[i]: i for i in bodies}
         for name in targets.ids:
             if name not in by_name:
@@ -140,12 +143,10 @@ def target_bodies(
                     f"there is no vehicle {name!r} in this scene; {nearest_choices(name, by_name)}",
                     key="truth.targets.ids",
                 )
-        bodies = sorted({by_name[name] for name in targets.ids})
-    elif isinstance(targets, NearestTargets):
-        nearest_m = _least_distance(frames, observer)
-        bodies.sort(key=lambda i: float(nearest_m[i]))
-        bodies = sorted(bodies[: targets.nearest])
-    return bodies
+        return sorted({by_name[name] for name in targets.ids})
+    nearest_m = _least_distance(frames, observer)
+    bodies.sort(key=lambda i: float(nearest_m[i]))
+    return sorted(bodies[: targets.nearest])
 
 
 def bodies_near(

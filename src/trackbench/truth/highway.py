@@ -21,7 +21,7 @@ from trackbench.base.plugins import one_line
 from trackbench.base.types import Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
 from trackbench.truth.audit import audited_truth, by_euler
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 from trackbench.truth.frames import (
     Frames,
     bodies_near,
@@ -43,7 +43,7 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from highway_env.vehicle.controller import ControlledVehicle
 
     from trackbench.truth.drivers import HUMAN, Traffic
-    from trackbench.truth.environment import Control, Recorder, complete, rates_at_instants, steered
+    from trackbench.truth.environment import Control, Recorder, rates_at_instants, steered
 
 #: Cheapest observation: observing takes half of a step, and nothing here uses observations.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
@@ -51,12 +51,6 @@ NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
 TUNED = ("DISTANCE_WANTED", "COMFORT_ACC_MAX", "COMFORT_ACC_MIN")
 DriverModel = dict[tuple[type[Any], str], Any]
 NOT_FOR_IDM = {ParkingEnv: "has no lanes to follow", LaneKeepingEnv: "needs its own dynamic vehicle"}
-ACTIONS = (
-    actions.ContinuousAction,
-    actions.DiscreteAction,
-    actions.DiscreteMetaAction,
-    actions.MultiAgentAction,
-)
 
 
 def list_envs() -> list[str]:
@@ -126,13 +120,11 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
         bodies = bodies_near(config.others_within_m, frames, observer, named, carrier)
     truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
-    unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
-    if config.drivers == "steady":
-        unused.add("drivers")
+    is_unused = {"sizes": config.sizes is None, "drivers": config.drivers == "steady"}
     truth = replace(
         truth,
         roads=lane_edges(lanes, *everywhere),
-        source=config.model_dump(mode="json", exclude={"seeds", *unused}),
+        source=config.model_dump(mode="json", exclude={"seeds", *(name for name in is_unused if is_unused[name])}),
         target=np.isin(bodies, targets),
     )
     collided = frames.collided[:, bodies], frames.collided[:, 0] & (config.observer == "ego")
@@ -174,7 +166,9 @@ def prepare_env(config: HighwayOptions) -> AbstractEnv:
 
 
 def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any]:
-    stated = complete(config.config, defaults, {"type"}.union(*map(_parameters, ACTIONS)))
+    stated = config.config
+    for key in (key for key in stated if key not in defaults):
+        raise InputError(f"unknown key; {nearest_choices(key, defaults)}", key=f"truth.config.{key}")
     simulation = stated.get("simulation_frequency", config.rate_hz)
     if simulation != config.rate_hz:
         raise InputError(
@@ -191,13 +185,6 @@ def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any
     if "duration" in defaults and "duration" not in stated:
         settings["duration"] = max(defaults["duration"], config.duration_s + 2.0 / policy)
     return settings
-
-
-def _parameters(cls: type) -> set[str]:
-    """Return the names of the constructor arguments of a class and of its bases."""
-    constructors = (vars(base)["__init__"] for base in cls.__mro__[:-1] if "__init__" in vars(base))
-    named = (p for init in constructors for p in inspect.signature(init).parameters.values())
-    return {p.name for p in named if p.kind is not p.VAR_KEYWORD} - {"self", "env"}
 
 
 def _let_idm_drive(env: AbstractEnv, name: str) -> None:

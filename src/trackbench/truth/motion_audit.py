@@ -127,7 +127,7 @@ def refuse_impossible(
     off, name = largest(_speed_error)
     if off > LARGEST_SPEED_ERROR_MPS:
         what = f"the speeds that the file states of {name} are {off:.2g} m/s (RMS) off its motion"
-        refuse(what, f"check their unit, such as units: {{speed: kmph}}; {smoother}")
+        refuse(what, f"check their unit, such as speed: v:kmph; {smoother}")
     shift, name = largest(_largest_shift)
     if shift > LARGEST_SHIFT_M:
         what = f"{name} jumps: smoothing moves it by {shift:.2g} m, and at most {LARGEST_SHIFT_M:g} m is noise"

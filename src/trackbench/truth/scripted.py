@@ -13,8 +13,8 @@ from trackbench.base.types import Array, Observer, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.motion import ConstantTurnRateAcceleration, ConstantVelocity, Kinematics, MotionModel
 from trackbench.truth.audit import exact
-from trackbench.truth.config import MovingObserver, ScriptedObserver, ScriptedOptions
-from trackbench.truth.config.scripted import Piece, ScriptedBody, ScriptedStart
+from trackbench.truth.config.recording import MovingObserver
+from trackbench.truth.config.scripted import Piece, ScriptedBody, ScriptedObserver, ScriptedOptions, ScriptedStart
 
 Generators = Sequence[np.random.Generator]
 

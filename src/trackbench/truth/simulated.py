@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 import logging
 import pickle
 import time
+import zlib
 from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
@@ -15,11 +17,10 @@ from trackbench.base import streams, types, units
 from trackbench.base.files import cache_folder, write_whole
 from trackbench.base.types import Progress, Truth
 from trackbench.truth.base import LoadedTruth
-from trackbench.truth.config import HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
 OWN_CLASSES = "highway_env."
-DIGEST_BYTES = hashlib.sha256().digest_size
 
 log = logging.getLogger(__name__)
 
@@ -35,8 +36,9 @@ def stored(config: HighwayOptions) -> LoadedTruth | None:
     if not _determined(config) or not file.exists():
         return None
     try:
-        truth = _unpacked(file.read_bytes())
-    except (OSError, ValueError) as error:
+        # The checksum of gzip tells a damaged file.
+        truth: Truth = pickle.loads(gzip.decompress(file.read_bytes()))
+    except (OSError, EOFError, zlib.error) as error:
         log.warning("cache: %s cannot be read (%s); simulated again", file, error)
         return None
     log.info("truth from the cache: %s", file)
@@ -46,6 +48,7 @@ def stored(config: HighwayOptions) -> LoadedTruth | None:
 def _key(config: HighwayOptions) -> str:
     meaning = {
         "config": config.model_dump(mode="json", exclude={"drivers"} if config.drivers == "steady" else set()),
+        "others_within_m": config.others_within_m,
         "versions": {package: version(package) for package in PACKAGES},
         "source": fingerprint(motion_files()),
     }
@@ -63,19 +66,6 @@ def fingerprint(files: Iterable[Path]) -> str:
     return hashlib.sha256(b"".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
 
 
-def _packed(truth: Truth) -> bytes:
-    content = pickle.dumps(truth)
-    return hashlib.sha256(content).digest() + content
-
-
-def _unpacked(packed: bytes) -> Truth:
-    digest, content = packed[:DIGEST_BYTES], packed[DIGEST_BYTES:]
-    if hashlib.sha256(content).digest() != digest:
-        raise ValueError("damaged")
-    truth: Truth = pickle.loads(content)
-    return truth
-
-
 def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
     """Read the truth from the cache, or simulate and cache it."""
     if cache and (cached := stored(config)) is not None:
@@ -88,7 +78,7 @@ def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> L
     log.info("truth simulated in %.1f s: %s", time.perf_counter() - begin, config.env)
     if cache and _determined(config):
         try:
-            write_whole(cache_file(config), _packed(truth))
+            write_whole(cache_file(config), gzip.compress(pickle.dumps(truth), compresslevel=0))
         except OSError as error:
             log.warning("cache: %s cannot be written (%s); the truth is not kept", cache_file(config), error.strerror)
     return LoadedTruth(truth)

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from trackbench.base.types import Progress, no_progress
 from trackbench.truth import scripted, simulated
 from trackbench.truth.base import Draw, LoadedTruth, TruthSource
-from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
+from trackbench.truth.config.highway import HighwayOptions
+from trackbench.truth.config.recording import RecordingOptions
+from trackbench.truth.config.scripted import ScriptedOptions
 from trackbench.truth.config.traffic import BoxesOptions, TrafficOptions
 
 #: Placeholder for a recording, which has no random motion.
@@ -39,20 +41,16 @@ class HighwayTruth(HighwayOptions):
 class ScriptedTruth(ScriptedOptions):
     """Scripted motion, exact in position and velocity."""
 
+    quick: ClassVar[bool] = True
+
     def load(self, draw: Draw, **_: Any) -> LoadedTruth:
         return LoadedTruth(scripted.script(self, *draw))
-
-    @property
-    def quick(self) -> bool:
-        return True
 
 
 class _Recorded(TruthSource):
     """Truth source that reads files."""
 
-    @property
-    def quick(self) -> bool:
-        return True
+    quick: ClassVar[bool] = True
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
         loaded = (scene.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors) for scene in self.scenes())

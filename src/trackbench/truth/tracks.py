@@ -101,9 +101,6 @@ class TrackRows:
                 row = int(np.argmax(is_wrong))
                 what = f"vehicle {self.id[row][:20]!r}: {key} at {self.time[row]:g} s is {values[row]:.3g}"
                 raise InputError(f"{what}, which cannot be meant: check its unit", file=file)
-        for name in {*self.id}:
-            if not name or not name.isprintable():
-                raise InputError(f"{name[:20]!r} is no name of a vehicle", file=file)
         if (length_s := float(np.ptp(self.time))) > jumps.LONGEST:
             raise InputError(f"its last row is {jumps.why_too_long(length_s)}", file=file)
 
@@ -221,6 +218,7 @@ QUANTITIES = {
     **dict.fromkeys(("px", "py"), "length"),
     "heading": "angle",
     **dict.fromkeys(("speed", "vx", "vy"), "speed"),
+    **dict.fromkeys(("length", "width"), "size"),
 }
 
 
@@ -253,21 +251,13 @@ def tracks_of_rows(rows: TrackRows, file: Path) -> list[TrafficTrack]:
             if values is not None and np.isnan(values).any():
                 at = time[track_rows][np.isnan(values)][0]
                 raise InputError(f"vehicle {name[:20]!r}: {what} is not a finite number at {at:g} s", file=file)
-        length, width = (_size(name, key, getattr(rows, key), row, file) for key in ("length", "width"))
+        length, width = (
+            None if sizes is None or not sizes[row] > 0 else float(sizes[row]) for sizes in (rows.length, rows.width)
+        )
         kind = "" if rows.kind is None else rows.kind[row]
         place = name, time[track_rows], rows.px[track_rows], rows.py[track_rows]
         tracks.append(TrafficTrack(*place, heading, speeds, length, width, kind, *velocity))
     return tracks
-
-
-def _size(name: str, key: str, sizes: Array | None, row: int, file: Path) -> float | None:
-    if sizes is None or sizes[row] == 0 or np.isnan(sizes[row]):
-        return None
-    least, most, _ = jumps.POSSIBLE["size"]
-    if not least <= sizes[row] <= most:
-        problem = f"its {key} is {sizes[row]:g} m; {least:g} to {most:g} m is possible"
-        raise InputError(f"vehicle {name[:20]!r}: {problem}", file=file)
-    return float(sizes[row])
 
 
 def moving_tracks(tracks: Sequence[TrafficTrack], file: Path) -> tuple[list[TrafficTrack], float]:

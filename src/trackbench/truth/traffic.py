@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from decimal import Decimal
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,8 +15,8 @@ from trackbench.base.errors import InputError, counted, nearest_choices
 from trackbench.base.types import RecordedNoise, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.truth.audit import audited_truth
-from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.config.traffic import TrafficOptions
 from trackbench.truth.frames import Frames, bodies_near, fixed_observer, overlaps, target_bodies
 from trackbench.truth.motion_audit import (
@@ -49,13 +50,8 @@ class RecordedVehicles(NamedTuple):
     """Reading of the file's clock at the first instant, s."""
 
 
-class SceneBodies(NamedTuple):
-    """Indices of the bodies that a scene shows."""
-
-    carrier: int | None
-    """Index of the body with the observer; None for a fixed observer."""
-    present: list[int]
-    """Indices of all bodies in the scene, including the carrier."""
+#: Index of the body with the observer, None for a fixed one; and indices of all bodies in the scene, with that one.
+SceneBodies = tuple[int | None, list[int]]
 
 
 def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
@@ -81,26 +77,16 @@ def recording_rate(config: TrafficOptions, folder: Path) -> float:
     return round(1 / _recorded_vehicles(config, folder).frames.dt, 6)
 
 
-#: Options in which the scenes of one recording differ.
-OF_SCENE = {"observer", "targets", "others_within_m"}
-#: Recordings read last, by all that determines them; the scenes of a scenario share one.
-_RECENT: dict[Hashable, RecordedVehicles] = {}
-
-
 def _recorded_vehicles(config: TrafficOptions, folder: Path) -> RecordedVehicles:
     file, version = Path(TRAFFIC_FORMATS.name_of(type(config.format))), (0, 0)
     if config.path is not None:
         file = find_log(config.path, folder, "truth.path")
         version = file.stat().st_mtime_ns, file.stat().st_size
-    key = type(config.format), config.model_dump_json(exclude=OF_SCENE), file.absolute(), version
-    if key not in _RECENT:
-        for other in [*_RECENT][:-1]:
-            del _RECENT[other]
-        _RECENT[key] = _read_vehicles(config, file)
-    return _RECENT[key]
+    return _read_vehicles(config.recording, file, version)
 
 
-def _read_vehicles(config: TrafficOptions, file: Path) -> RecordedVehicles:
+@lru_cache(maxsize=2)
+def _read_vehicles(config: TrafficOptions, file: Path, _version: tuple[int, int]) -> RecordedVehicles:
     """Return the vehicles between the scenario's start and end times, smoothed and audited."""
     smoothing = config.smoothing
     tracks, clock = moving_tracks(config.format.read(file), file)
@@ -164,7 +150,7 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             raise InputError(message, key="truth.observer.vehicle")
     carriers: list[int | None] = [number[name] for name in config.vehicles] or [None]
     if config.format.simultaneous:
-        return [SceneBodies(carrier, list(range(len(frames.ids)))) for carrier in carriers]
+        return [(carrier, list(range(len(frames.ids)))) for carrier in carriers]
     is_apart = ~overlaps(frames, APART_M)
     scenes: list[list[int]] = [[] if carrier is None else [carrier] for carrier in carriers]
     for body in range(len(frames.ids)):
@@ -172,20 +158,21 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
             place = next((scene for scene in scenes if is_apart[body, scene].all()), None)
             if place is not None:
                 place.append(body)
-    return [SceneBodies(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
+    return [(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
 
 
 def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
-    frames, carrier, first = _selected_bodies(traffic.frames, scene.present), None, 0
-    if scene.carrier is None:
+    own, present_bodies = scene
+    frames, carrier, first = _selected_bodies(traffic.frames, present_bodies), None, 0
+    if own is None:
         assert isinstance(config.observer, FixedObserver)
         frames = _during(frames, 0, len(frames.px) - 1)
         observer = fixed_observer(config.observer, len(frames.px))
     else:
-        present = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
+        present = np.flatnonzero(traffic.frames.alive[:, own])
         first = int(present[0])
         frames = _during(frames, first, int(present[-1]))
-        carrier = frames.ids.index(traffic.frames.ids[scene.carrier])
+        carrier = frames.ids.index(traffic.frames.ids[own])
         observer = frames.carrier(carrier)
     bodies = targets = target_bodies(config.targets, frames, observer, carrier)
     if config.others_within_m is not None:

@@ -109,15 +109,15 @@ def test_the_effect_of_what_is_put_in(faulty: list[ReportableAudit], tmp_path: P
 def test_degrees_for_radians(tmp_path: Path) -> None:
     item = audit(write_log(tmp_path, radar=Errors(degrees=True)))
     assert [finding.kind for finding in item.findings] == ["unit"]
-    assert item.changes == {"truth.readings.radar.units.azimuth": "deg"}
+    assert item.changes == {"truth.readings.radar.azimuth": "azimuth:deg"}
     assert item.sensors["radar"].square_after == pytest.approx(1, abs=0.06)
 
 
 @pytest.mark.parametrize(
     ("column", "change", "kind", "changes"),
     [
-        ("range", lambda value: value / 1000, "unit", {"truth.readings.radar.units.range": "km"}),
-        ("range_rate", lambda value: value * 3.6, "unit", {"truth.readings.radar.units.range_rate": "kmph"}),
+        ("range", lambda value: value / 1000, "unit", {"truth.readings.radar.range": "range:km"}),
+        ("range_rate", lambda value: value * 3.6, "unit", {"truth.readings.radar.range_rate": "range_rate:kmph"}),
         ("azimuth", lambda value: -value, "sign", {}),
     ],
 )
@@ -227,11 +227,11 @@ def test_a_bias_of_azimuth_is_a_turned_mount_in_any_log(tmp_path: Path) -> None:
 def test_truth_in_other_units_than_stated(tmp_path: Path, form: str) -> None:
     file = write_log(tmp_path, form=form)
     scenario = yaml.safe_load(file.read_text())
-    scenario["truth"]["columns"]["units"] = {"vx": "kmph", "vy": "kmph"}
+    scenario["truth"]["columns"] |= {"vx": "vx:kmph", "vy": "vy:kmph"}
     file.write_text(yaml.safe_dump(scenario))
     item = audit(file)
     assert [finding.kind for finding in item.findings] == ["truth_velocity"]
-    assert item.changes == {"truth.columns.units.vx": "mps", "truth.columns.units.vy": "mps"}
+    assert item.changes == {"truth.columns.vx": "vx:mps", "truth.columns.vy": "vy:mps"}
     assert item.sensors["radar"].square_after == pytest.approx(1, abs=0.06)
 
 
@@ -259,7 +259,8 @@ def with_turning_observer(file: Path, yaw_factor: float, rate_factor: float) -> 
 def test_degrees_of_the_observer(tmp_path: Path, yaw_factor: float, rate_factor: float, changed: list[str]) -> None:
     item = audit(with_turning_observer(write_log(tmp_path, lidar=Errors()), yaw_factor, rate_factor))
     assert [finding.kind for finding in item.findings] == ["unit"] * len(changed)
-    assert item.changes == {f"truth.ego.units.{key}": "deg" for key in changed}
+    names = {"yaw": "yaw", "yaw_rate": "rate"}
+    assert item.changes == {f"truth.ego.{key}": f"{names[key]}:deg" for key in changed}
     assert item.unexplained == []
     assert item.sensors["radar"].square_after == pytest.approx(1, abs=0.06)
 

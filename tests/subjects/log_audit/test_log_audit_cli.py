@@ -41,7 +41,7 @@ def test_json_is_all_that_is_printed(cli: CLI, log: Path) -> None:
     done = cli("audit", log, "--json", "--out", "out")
     found = json.loads(done.out)
     assert found == json.loads(Path("out/audit.json").read_text(encoding="utf-8"))
-    assert found["changes"]["truth.readings.radar.units.azimuth"] == "deg"
+    assert found["changes"]["truth.readings.radar.azimuth"] == "azimuth:deg"
     offset = found["sensors"]["radar"]["errors"]["time_offset"]["interval"]
     assert offset["ci95"][0] < -0.08 < offset["ci95"][1]
     assert [finding["kind"] for finding in found["findings"]] == ["unit", "time_offset"]

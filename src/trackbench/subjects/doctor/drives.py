@@ -19,7 +19,7 @@ from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Carrier, SensorSite
 from trackbench.subjects.doctor.session import StepFailed, TrackerFactory, TrackerSession
 from trackbench.trackers.answers import Tracker, shaped_estimate, unpack
-from trackbench.truth.config import MovingObserver
+from trackbench.truth.config.recording import MovingObserver
 from trackbench.truth.config.scripted import ScriptedStart
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth

@@ -24,7 +24,8 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import use_of
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.late import LateScans
-from trackbench.truth.config import FixedObserver, HighwayOptions
+from trackbench.truth.config.highway import HighwayOptions
+from trackbench.truth.config.recording import FixedObserver
 
 #: Sensors for a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {

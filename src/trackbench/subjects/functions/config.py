@@ -11,7 +11,7 @@ from trackbench.base.config import Name, Problem
 from trackbench.base.config.plugin import Plugin
 from trackbench.base.subjects import FieldBlock
 from trackbench.subjects.functions.protocol import FUNCTIONS, Function
-from trackbench.truth.config import FixedObserver
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.sources import RecordingTruth
 
 BLOCK = FieldBlock(

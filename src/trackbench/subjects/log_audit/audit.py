@@ -153,9 +153,8 @@ def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
 
 def _audit_recording(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAudit:
     truth, drive = recorded
-    columns = truth.columns
-    key = "vx" if columns is not None and columns.vx is not None else "speed"
-    unit = (columns.units.get(key) if columns is not None else None) or truth.units.speed
+    columns = {} if truth.columns is None else truth.columns.stated
+    unit = columns["vx"].unit if "vx" in columns else "mps"
     bodies = [*drive.motions.items(), *([("observer", drive.observer)] if drive.observer is not None else [])]
     checks = (velocity_check(name, motion, unit) for name, motion in bodies)
     velocities = [check for check in checks if check is not None]

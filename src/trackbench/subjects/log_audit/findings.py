@@ -14,7 +14,7 @@ from trackbench.subjects.log_audit.explanations import explanations
 from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, solve_errors
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, Unlabelled, clock_drift
 from trackbench.subjects.log_audit.sensor_log import BODY_POINT, SensorLog, WrongUnit
-from trackbench.truth.config.columns import COMPONENT_QUANTITIES
+from trackbench.truth.config.columns import Column
 
 #: Smallest factor between estimated and stated standard deviation that makes a finding.
 SIGMA_OFF = 1.1
@@ -197,8 +197,7 @@ def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict
         else:
             component = name.removeprefix("bias_")
             i = log.components.index(component)
-            quantity = COMPONENT_QUANTITIES.get(log.config.units[i])
-            factor = log.truth.units.factor(quantity, entry.units.get(component)) * log.factors[i]
+            factor = log.columns.get(component, Column(component)).factor * log.factors[i]
             # The bias is in the unit of the column, after a wrong unit is corrected.
             stated = entry.bias.get(component, 0.0)
             changes[name] = {
@@ -225,8 +224,10 @@ def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
         f"The spread of measurement minus truth is {quantity_text(wrong.spread[0], unit)} as read, and "
         f"{quantity_text(wrong.spread[1], unit)} so (median)."
     )
-    recorded = log.name in log.truth.measurements
-    changes = {f"truth.readings.{name}.units.{wrong.component}": wrong.fits} if recorded and not same else {}
+    changes = {}
+    if wrong.component in log.columns and not same:
+        source = log.columns[wrong.component].name
+        changes = {f"truth.readings.{name}.{wrong.component}": f"{source}:{wrong.fits}"}
     steps = [f"Set {key}: {value}" for key, value in changes.items()]
     steps += [f"change the sign of the column of {component}"] if wrong.turned else []
     return LogFinding(

@@ -14,7 +14,7 @@ from trackbench.base.types import Array, Indices, Observer
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.sensing.view import sensor_motion
-from trackbench.truth.config.columns import CARTESIAN, COMPONENT_QUANTITIES, UNITS, MeasurementColumns
+from trackbench.truth.config.columns import CARTESIAN, COMPONENT_QUANTITIES, UNITS, Column, column_in
 from trackbench.truth.frames import fixed_observer
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Log, Motion, RowOrder, carrier
@@ -175,6 +175,12 @@ class SensorLog:
         return self.config.components
 
     @property
+    def columns(self) -> dict[str, Column]:
+        """Columns of the log by component; empty for a format with fixed columns."""
+        entry = self.truth.measurements.get(self.name)
+        return {} if entry is None else entry.columns(self.components, self.config.units)
+
+    @property
     def errors(self) -> dict[str, str]:
         """Errors that the audit looks for, with their units: time, mounting, biases and the measured point.
 
@@ -327,7 +333,6 @@ class WrongUnit:
 
 def wrong_units(log: SensorLog) -> Iterator[WrongUnit]:
     """Yield the components whose residuals get clearly smaller in another unit."""
-    entry = log.truth.measurements.get(log.name) or MeasurementColumns()
     expected = log.expected({})
     for i, (name, unit) in enumerate(zip(log.components, log.config.units, strict=True)):
         quantity = COMPONENT_QUANTITIES.get(unit)
@@ -335,7 +340,7 @@ def wrong_units(log: SensorLog) -> Iterator[WrongUnit]:
             continue
         finite = np.isfinite(expected[i])
         measured, true_values, circular = log.measurement[i, finite], expected[i, finite], i in log.config.angular
-        stated = entry.units.get(name) or str(getattr(log.truth.units, quantity))
+        stated = log.columns.get(name, column_in(name, quantity)).unit
         as_read = _spread(measured, true_values, circular)
         choices = {
             (other, turned): UNITS[quantity][other] / UNITS[quantity][stated] * (-1.0 if turned else 1.0)

@@ -11,7 +11,7 @@ from trackbench.base.errors import counted
 from trackbench.scenario import Scenario
 from trackbench.subjects.log_audit.findings import LogFinding, quantity_text
 from trackbench.subjects.log_audit.sensor_log import CLEARLY, Clock, SensorLog, VelocityCheck, reference_noise
-from trackbench.truth.config.columns import UNITS
+from trackbench.truth.config.columns import UNITS, Column
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Motion, slope
 from trackbench.truth.sources import RecordingTruth
@@ -69,12 +69,11 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
         if check.contradicts:
             fitting_unit = check.unit if check.unit is not None and check.name != "observer" else None
             by_unit.setdefault(fitting_unit, []).append(check)
-    columns = truth.columns
     for unit, faults in by_unit.items():
         changes = {}
-        if unit is not None and columns is not None:
-            keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
-            changes = {f"truth.columns.units.{key}": unit for key in keys}
+        if unit is not None and truth.columns is not None:
+            stated = truth.columns.stated
+            changes = {f"truth.columns.{key}": f"{stated[key].name}:{unit}" for key in ("vx", "vy") if key in stated}
         names, worst = ", ".join(check.name for check in faults), max(faults, key=lambda check: check.difference)
         yield LogFinding(
             kind="truth_velocity",
@@ -98,20 +97,20 @@ def ego_findings(loaded: Scenario, recorded: Recorded, sensors: Mapping[str, Sen
     ego, motion = truth.ego, drive.observer
     if ego is None or motion is None or motion.heading is None:
         return
-    yaw_unit, rate_unit = (ego.units.get(key) or truth.units.angle for key in ("yaw", "yaw_rate"))
-    turned = motion._replace(heading=motion.heading * _other_angle(yaw_unit)[1])
+    columns = ego.stated
+    turned = motion._replace(heading=motion.heading * _other_angle(columns["yaw"].unit)[1])
     ratio = _error_ratio(sensors, sensor_logs(loaded, (truth, replace(drive, observer=turned))))
     if ratio > CLEARLY:
-        yield _ego_finding(
-            "yaw", yaw_unit, f"As read, the errors of the sensors are {ratio:.2g} times as large (median)."
-        )
+        evidence = f"As read, the errors of the sensors are {ratio:.2g} times as large (median)."
+        yield _ego_finding("yaw", columns["yaw"], evidence)
     elif motion.yaw_rate is not None:
         yaw_slope, rate = slope(np.unwrap(motion.heading), motion.time), motion.yaw_rate
         product, square = float(yaw_slope @ rate), float(rate @ rate)
         correlation = product / max(np.sqrt(square * float(yaw_slope @ yaw_slope)), 1e-300)
         scale = product / max(square, 1e-300)
-        if correlation > ALIKE and abs(np.log(scale / _other_angle(rate_unit)[1])) < np.log(CLEARLY):
-            yield _ego_finding("yaw_rate", rate_unit, f"The yaw changes {scale:.3g} times as fast as it says.")
+        if correlation > ALIKE and abs(np.log(scale / _other_angle(columns["yaw_rate"].unit)[1])) < np.log(CLEARLY):
+            evidence = f"The yaw changes {scale:.3g} times as fast as it says."
+            yield _ego_finding("yaw_rate", columns["yaw_rate"], evidence)
 
 
 def _other_angle(unit: str) -> tuple[str, float]:
@@ -132,10 +131,10 @@ def _error_ratio(sensors: Mapping[str, SensorLog], others: Mapping[str, SensorLo
     return float(np.exp(np.mean(logarithms))) if logarithms else 1.0
 
 
-def _ego_finding(key: str, unit: str, evidence: str) -> LogFinding:
-    other = _other_angle(unit)[0]
-    title, setting = f"observer: {key.replace('_', ' ')} is in {other}, not {unit}", f"truth.ego.units.{key}"
-    fix, changes = f"Set {setting}: {other}.", {setting: other}
+def _ego_finding(key: str, column: Column, evidence: str) -> LogFinding:
+    other = _other_angle(column.unit)[0]
+    title, setting = f"observer: {key.replace('_', ' ')} is in {other}, not {column.unit}", f"truth.ego.{key}"
+    fix, changes = f"Set {setting}: {column.name}:{other}.", {setting: f"{column.name}:{other}"}
     return LogFinding("unit", None, title, evidence, fix, component=key, changes=changes)
 
 

@@ -168,7 +168,7 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
         known = column_layout(names, stated)
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
-    columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
+    columns = {key: f"{item.name}:{item.unit}" if item.factor != 1.0 else item.name for key, item in known.items()}
     return {**entry, "columns": columns}
 
 

@@ -25,7 +25,7 @@ from trackbench.subjects.serve.protocol import MANUAL, estimate_marker, parse
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.late import LateScans
-from trackbench.truth.config import FixedObserver
+from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.recorded.udacity import Measurement
 
 log = logging.getLogger(__name__)

@@ -1,18 +1,17 @@
-"""Options of a recording's tables: names and units of columns, and which parts of the truth are scored."""
+"""Options of a recording's tables: their columns, and which parts of the truth are scored."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Literal
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict, Field
 
 from trackbench.base.config import Config, Positive, Problem
-from trackbench.base.errors import nearest_choices
 from trackbench.truth.config.logs import Paths
 
-#: Units that columns may have, with their size in SI units and radians.
+#: Units that columns may have, with their size in SI units and radians; the first is that of a column without a unit.
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "length": {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048},
@@ -23,81 +22,66 @@ UNITS: dict[str, dict[str, float]] = {
 UNITS["size"] = UNITS["length"]
 #: Quantity in each column of a motion, and quantity of a measurement's component by its unit.
 MOTION_QUANTITIES = {
-    "time": "time",
     **dict.fromkeys(("px", "py"), "length"),
     **dict.fromkeys(("length", "width"), "size"),
-    **dict.fromkeys(("vx", "vy", "speed"), "speed"),
-    **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
+    **dict.fromkeys(("vx", "vy"), "speed"),
+    **dict.fromkeys(("yaw", "heading", "yaw_rate"), "angle"),
 }
 COMPONENT_QUANTITIES = {"m": "length", "m/s": "speed", "rad": "angle"}
 #: The two ways to state a position in a sensor's frame.
 POLAR, CARTESIAN = ("range", "azimuth"), ("x", "y")
-#: The two ways to state a velocity.
-VELOCITY = (("vx", "vy"), ("speed", "course"))
-_OWN_UNITS = "Units of single columns, by the keys above: `{time: us, %s: deg}`; those of truth.units unless given."
 
 
-class Units(Config):
-    """Units of all columns without a unit of their own."""
+class Column(NamedTuple):
+    """Column of a table."""
 
-    time: Literal["s", "ms", "us", "ns"] = Field("s", description="Unit of times; the truth starts at 0 s.")
-    length: Literal["m", "km", "cm", "mm", "ft"] = Field("m", description="Unit of positions and ranges.")
-    speed: Literal["mps", "kmph", "mph"] = Field("mps", description="Unit of velocities and range rates.")
-    angle: Literal["rad", "deg"] = Field("rad", description="Unit of angles, and per second of turn rates.")
-
-    def factor(self, quantity: str | None, own_unit: str | None) -> float:
-        """Return the factor to SI units from a column's own unit, or from the unit of all columns of the quantity."""
-        units = {**dict(self), "size": self.length}
-        return 1.0 if quantity not in units else UNITS[quantity][own_unit or units[quantity]]
+    name: str
+    quantity: str | None = None
+    """Quantity, such as length or angle; None for cells that are read as they are."""
+    unit: str = ""
+    """Unit of the cells; empty without a quantity."""
+    factor: float = 1.0
+    """Factor from the unit of the cells to SI units and radians."""
 
 
-def unit_problems(units: Mapping[str, str], quantities: Mapping[str, str | None]) -> Iterator[Problem]:
-    """Yield what is wrong with the units of single columns.
+def column_in(name: str, quantity: str | None, unit: str = "") -> Column:
+    """Return the column with this name and unit; its unit is SI or radians if ``unit`` is none of its quantity."""
+    units = UNITS.get(quantity or "", {})
+    unit = unit if unit in units else next(iter(units), "")
+    return Column(name, quantity, unit, units.get(unit, 1.0))
 
-    Args:
-        units: unit by key of the column, such as ``{"yaw": "deg"}``.
-        quantities: quantity (length, angle and so on) of each given column, by key; None if it has no unit.
-    """
-    for key, unit in units.items():
-        quantity = quantities.get(key)
-        if key not in quantities:
-            yield Problem(("units", key), f"no column is given for {key!r}; {nearest_choices(key, quantities)}")
-        elif quantity is None:
-            yield Problem(("units", key), f"{key} is read as it is; remove")
-        elif unit not in UNITS[quantity]:
-            yield Problem(
-                ("units", key), f"{unit!r} is no unit of {quantity}; {nearest_choices(unit, UNITS[quantity])}"
-            )
+
+def stated_column(text: str, quantity: str | None) -> Column:
+    """Return the column that a scenario states by its name, or by its name and unit, as in ``phi:deg``."""
+    name, _, unit = text.rpartition(":")
+    return column_in(name, quantity, unit) if unit in UNITS.get(quantity or "", {}) else column_in(text, quantity)
 
 
 class MotionColumns(Config):
-    """Names of the columns with position and velocity, which truth and observer share."""
+    """Columns with position and velocity, which truth and observer share."""
 
     px: str = Field(description="Position along x in the fixed frame.")
     py: str = Field(description="Position along y in the fixed frame.")
     vx: str | None = Field(None, description="Velocity along x in the fixed frame.")
     vy: str | None = Field(None, description="Velocity along y in the fixed frame.")
-    speed: str | None = Field(None, description="Speed along the course.")
-    course: str | None = Field(None, description="Direction of motion, counter-clockwise from x.")
 
     @property
-    def stated(self) -> dict[str, str]:
-        """Names of the given columns, by key."""
-        return {key: value for key, value in self if key in MOTION_QUANTITIES and value is not None}
+    def stated(self) -> dict[str, Column]:
+        """Given columns by key, without the time."""
+        return {
+            key: stated_column(value, quantity)
+            for key, value in self
+            if (quantity := MOTION_QUANTITIES.get(key)) is not None and value is not None
+        }
 
     @property
     def without_velocity(self) -> bool:
         """Whether the columns have positions but no velocity."""
-        return all(getattr(self, key) is None for pair in VELOCITY for key in pair)
+        return self.vx is None
 
-    def velocity_problems(self) -> Iterator[Problem]:
-        """Yield a problem if the velocity is given twice or only half."""
-        pairs = [pair for pair in VELOCITY if any(getattr(self, key) is not None for key in pair)]
-        if len(pairs) > 1:
-            yield Problem((), "the velocity is given twice: write vx and vy, or speed and course")
-            return
-        for key in [key for pair in pairs for key in pair if getattr(self, key) is None]:
-            yield Problem((key,), f"missing: a velocity is {' and '.join(pairs[0])}")
+    def problems(self) -> Iterator[Problem]:
+        if (self.vx is None) != (self.vy is None):
+            yield Problem((), "a velocity is vx and vy: write both or none")
 
 
 class ObserverColumns(MotionColumns):
@@ -111,36 +95,29 @@ class ObserverColumns(MotionColumns):
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
     yaw_rate: str | None = Field(None, description="Rate of change of the heading; from the heading unless given.")
-    units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
-
-    def problems(self) -> Iterator[Problem]:
-        yield from self.velocity_problems()
-        yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in ("time", *self.stated)})
 
 
 class TruthColumns(MotionColumns):
-    """Names of the columns with the true motion. The velocity is vx and vy, or speed and course.
+    """Columns with the true motion.
+
+    A unit may stand after the name of a column and a colon, as in `v:kmph`: s, ms, us, ns; m, km, cm, mm, ft;
+    mps, kmph, mph; rad, deg. Without a unit a column is in SI units and radians.
 
     With hidden identities the velocity may be left out; it is then computed from the displacement.
     """
 
-    time: str = Field(description="Time.")
+    time: str = Field(description="Time; the truth starts at 0 s.")
     object: str | None = Field(None, description="Name of the object; all rows are of one object unless given.")
     heading: str | None = Field(
-        None, description="Direction in which the body points, counter-clockwise from x; the course unless given."
+        None, description="Heading of the body, counter-clockwise from x; the direction of motion unless given."
     )
     length: str | None = Field(None, description="Length of the object's box; truth.length_m unless given.")
     width: str | None = Field(None, description="Width of the object's box; truth.width_m unless given.")
     kind: str | None = Field(None, alias="class", description="Class of the object, for truth.reference.classes.")
-    units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "course")
-
-    def problems(self) -> Iterator[Problem]:
-        yield from self.velocity_problems()
-        yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in self.stated})
 
 
 class MeasurementColumns(Config):
-    """Names of the columns with a sensor's measurements; where they are empty, the object was not detected.
+    """Columns with a sensor's measurements; where they are empty, the object was not detected.
 
     Beside the keys below there is a key for each component of the sensor's measurement: range, azimuth and range_rate
     for a radar, x and y for a lidar (`trackbench list sensors` shows them). A radar whose file has positions has x
@@ -170,7 +147,6 @@ class MeasurementColumns(Config):
         description="For unlabelled detections: distance, m, below which only the detection of the older slot is kept "
         "of two in one cycle: some radars list an object twice. All are kept unless given.",
     )
-    units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "azimuth")
     time_offset_s: float = Field(
         0, ge=-3600, le=3600, description="Added to the times, s; negative where the time stamps are late."
     )
@@ -181,7 +157,7 @@ class MeasurementColumns(Config):
 
     @property
     def components(self) -> dict[str, str]:
-        """Name of the column of each given component of the measurement, by component."""
+        """Stated column of each given component of the measurement, by component."""
         return dict(self.__pydantic_extra__)
 
     def of_sensor(self, components: tuple[str, ...]) -> tuple[str, ...]:
@@ -189,11 +165,15 @@ class MeasurementColumns(Config):
         cartesian = components[:2] == POLAR and any(name in self.components for name in CARTESIAN)
         return (*CARTESIAN, *components[2:]) if cartesian else components
 
-    def quantities(self, components: tuple[str, ...], units: tuple[str, ...]) -> dict[str, str | None]:
-        """Return the quantity (length, angle and so on) of each component in the file; None if it is not converted."""
+    def columns(self, components: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Column]:
+        """Return the column of each component in the file, for a sensor with these components and their units."""
         names = self.of_sensor(components)
         component_units = units if names == components else ("m", "m", *units[2:])
-        return {name: COMPONENT_QUANTITIES.get(unit) for name, unit in zip(names, component_units, strict=True)}
+        return {
+            name: stated_column(self.components[name], COMPONENT_QUANTITIES.get(unit))
+            for name, unit in zip(names, component_units, strict=True)
+            if name in self.components
+        }
 
     def problems(self) -> Iterator[Problem]:
         if self.new_track is not None and self.slot is None:
@@ -221,8 +201,3 @@ class ReferenceOptions(Config):
         description="ignored: tracks on no object do not count, as where only one car of many is in the truth. Missed "
         "objects, positions and switches are scored; metrics of false tracks are n/a. Default: they are false tracks.",
     )
-
-    @property
-    def of_tracks(self) -> list[str]:
-        """Names of the given options that restrict what is scored."""
-        return [key for key in ("range_m", "classes", "others") if getattr(self, key)]

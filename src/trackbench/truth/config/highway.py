@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, Tag
+from pydantic import AfterValidator, Field, Tag
 
 from trackbench.base.config import (
     LIST,
@@ -19,22 +19,23 @@ from trackbench.base.config import (
     number_or_list,
     shape,
 )
-from trackbench.truth.base import MAX_SCENES, SteppedTruth
+from trackbench.truth.base import MAX_SCENES, SteppedTruth, distinct
 from trackbench.truth.config.recording import FixedObserver
 
 LARGEST_SEED = 2**32 - 1
 
 
-class NearestTargets(Config):
-    """Targets chosen as the vehicles that come closest to the observer."""
+class SelectedTargets(Config):
+    """Targets chosen by distance or by name."""
 
-    nearest: int = Field(ge=1, le=1000, description="How many vehicles to track.")
+    nearest: int | None = Field(
+        None, ge=1, le=1000, description="How many vehicles to track: those that come closest to the observer."
+    )
+    ids: list[str] | None = Field(None, min_length=1, description="Names of the vehicles to track, such as v1.")
 
-
-class IdTargets(Config):
-    """Targets chosen by name."""
-
-    ids: list[str] = Field(min_length=1, description="Names of the vehicles to track, such as v1.")
+    def problems(self) -> Iterator[Problem]:
+        if (self.nearest is None) == (self.ids is None):
+            yield Problem((), "write either nearest or ids")
 
 
 class VehicleSizes(Config):
@@ -51,30 +52,20 @@ class VehicleSizes(Config):
             yield Problem((), f"the shares add up to {self.van + self.truck:g}; at most 1 is possible")
 
 
-def _target_choice(value: Any) -> str | None:
-    if isinstance(value, NearestTargets) or (isinstance(value, dict) and "nearest" in value):
-        return "<nearest>"
-    if isinstance(value, IdTargets) or (isinstance(value, dict) and "ids" in value):
-        return "<ids>"
-    return WORD if isinstance(value, str) else None
-
-
 Observer = Annotated[
     Annotated[Literal["ego"], Tag(WORD)] | Annotated[FixedObserver, Tag(MAPPING)],
     chosen_by(shape, "write ego or {x: 0, y: 0, yaw_deg: 0}"),
 ]
 Targets = Annotated[
-    Annotated[Literal["all"], Tag(WORD)]
-    | Annotated[NearestTargets, Tag("<nearest>")]
-    | Annotated[IdTargets, Tag("<ids>")],
-    chosen_by(_target_choice, "write all, {nearest: 4} or {ids: [v1, v2]}"),
+    Annotated[Literal["all"], Tag(WORD)] | Annotated[SelectedTargets, Tag(MAPPING)],
+    chosen_by(shape, "write all, {nearest: 4} or {ids: [v1, v2]}"),
 ]
 
 
 Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Seeds = Annotated[
     Annotated[int, Field(ge=1, le=MAX_SCENES), Tag(NUMBER)]
-    | Annotated[list[Seed], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
+    | Annotated[list[Seed], Field(min_length=1, max_length=MAX_SCENES), AfterValidator(distinct), Tag(LIST)],
     chosen_by(number_or_list, "write a number of scenes, such as 20, or a list of seeds, such as [3, 5]"),
 ]
 
@@ -86,13 +77,6 @@ ChosenTargets = Annotated[
         "{ids: [...]}."
     ),
 ]
-OthersWithin = Annotated[
-    Positive | None,
-    Field(
-        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
-        "targets names it, m. The reach of the sensors and 10 m unless given."
-    ),
-]
 
 
 class HighwayOptions(SteppedTruth):
@@ -102,7 +86,8 @@ class HighwayOptions(SteppedTruth):
         min_length=1, description="A registered highway-env id, such as highway-v0 (`trackbench list envs` shows them)."
     )
     config: dict[str, Any] = Field(
-        default_factory=dict, description="The environment's own configuration; unknown keys are refused."
+        default_factory=dict,
+        description="The environment's own configuration, checked by highway-env; an unknown key is refused.",
     )
     seed: Seed = Field(0, description="Seed of the traffic; of the first scene, where `seeds` is a number.")
     seeds: Seeds | None = Field(
@@ -132,7 +117,6 @@ class HighwayOptions(SteppedTruth):
     sizes: VehicleSizes | None = Field(
         None, description="Shares of the vehicles with the size of vans and trucks, drawn from the seed."
     )
-    others_within_m: OthersWithin = None
 
     @property
     def scene_name(self) -> str:
@@ -145,14 +129,7 @@ class HighwayOptions(SteppedTruth):
         return tuple(self.model_copy(update={"seed": seed, "seeds": None}) for seed in seeds)
 
     def problems(self) -> Iterator[Problem]:
-        if isinstance(self.seeds, int):
-            if self.seed + self.seeds - 1 > LARGEST_SEED:
-                yield Problem(("seeds",), f"the last of them would be above {LARGEST_SEED}; lower seed or seeds")
-            return
-        if self.seeds is None:
-            return
-        if "seed" in self.model_fields_set:
+        if isinstance(self.seeds, int) and self.seed + self.seeds - 1 > LARGEST_SEED:
+            yield Problem(("seeds",), f"the last of them would be above {LARGEST_SEED}; lower seed or seeds")
+        if isinstance(self.seeds, list) and "seed" in self.model_fields_set:
             yield Problem(("seed",), "not used with a list of seeds; remove it, or write in seeds how many there are")
-        for index, seed in enumerate(self.seeds):
-            if seed in self.seeds[:index]:
-                yield Problem(("seeds", index), f"{seed} is there already; each seed is another scene")

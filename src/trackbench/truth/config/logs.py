@@ -9,15 +9,16 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, Tag
+from pydantic import AfterValidator, Field, Tag
 
 from trackbench.base.config import LIST, WORD, chosen_by, text_or_list
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
-from trackbench.truth.base import MAX_SCENES
+from trackbench.truth.base import MAX_SCENES, distinct
 
 FileName = Annotated[str, Field(min_length=1)]
 Paths = Annotated[
-    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
+    Annotated[FileName, Tag(WORD)]
+    | Annotated[list[FileName], Field(min_length=1, max_length=MAX_SCENES), AfterValidator(distinct), Tag(LIST)],
     chosen_by(
         text_or_list,
         "write a file, or a list of files, such as [monday.csv, tuesday.csv]",
@@ -34,9 +35,6 @@ def is_log(path: Path) -> bool:
     return path.is_file() or (path / BAG).is_file()
 
 
-_VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
-
-
 def find_log(path: Paths, folder: Path, key: str) -> Path:
     """Return the file that a scenario names.
 
@@ -50,14 +48,9 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
     """
     assert isinstance(path, str)
     expanded = Path(os.path.expanduser(os.path.expandvars(path)))
-    unset = _VARIABLE.search(str(expanded))
-    if unset is not None:
-        name = unset.group(1).strip("{}")
-        remedy = "set it, or write the path without it"
-        if name == "TRACKBENCH_DATA":
-            example = "udacity/obj_pose-laser-radar-synthetic-input.txt"
-            remedy = f"it is the folder that holds recordings, such as {example}"
-        raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
+    if unset := re.search(r"\$\{?(\w+)", str(expanded)):
+        remedy = "set it, such as to the folder that holds recordings"
+        raise InputError(f"the environment variable {unset[1]} is not set; {remedy}", key=key)
     for place in (folder / expanded, expanded):
         if os.path.isdir(place) and not is_log(place):
             raise InputError(f"{expanded} is a folder; name a file", key=key)

@@ -16,7 +16,6 @@ from trackbench.truth.config.columns import (
     ObserverColumns,
     ReferenceOptions,
     TruthColumns,
-    Units,
 )
 from trackbench.truth.config.logs import Paths, log_names
 from trackbench.truth.jumps import Position, Velocity
@@ -85,8 +84,7 @@ class RecordingOptions(ReferenceTruth):
         "too, one file for each log in the same order. csv and parquet: may be left out where the identities are "
         "hidden; then there is no truth, and every sensor's measurements have a file of their own.",
     )
-    columns: TruthColumns | None = Field(None, description="csv and parquet, required there: names of the columns.")
-    units: Units = Field(default_factory=Units, description="csv and parquet: units of the columns.")
+    columns: TruthColumns | None = Field(None, description="csv and parquet, required there: the columns.")
     measurements: dict[Name, MeasurementColumns] = Field(
         default_factory=dict,
         alias="readings",
@@ -97,13 +95,8 @@ class RecordingOptions(ReferenceTruth):
         description="csv and parquet: the recorded motion of what carries the sensors, in a file of its own; otherwise "
         "observer.",
     )
-    _log_name: str = PrivateAttr("")
     _hidden: bool = PrivateAttr(False)
     _every: slice = PrivateAttr(slice(None))
-
-    @property
-    def scene_name(self) -> str:
-        return self._log_name
 
     @property
     def hidden(self) -> bool:
@@ -137,12 +130,6 @@ class RecordingOptions(ReferenceTruth):
         entry = self.measurements[sensor]
         return self.without_truth or (self._hidden and entry.path is not None and entry.object is None)
 
-    def _with(self, **private: Any) -> Self:
-        result = self.model_copy()
-        for key, value in private.items():
-            setattr(result, key, value)
-        return result
-
     def _paths(self) -> dict[KeyPath, str | list[str]]:
         """Return all given paths by the key that holds them; the truth's path comes first."""
         entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None] = {
@@ -161,21 +148,14 @@ class RecordingOptions(ReferenceTruth):
             "measurements": {key: of_log(entry) for key, entry in self.measurements.items()},
             "ego": of_log(self.ego),
         }
-        return of_log(self).model_copy(update=update)._with(_log_name=name)  # type: ignore[no-any-return]
+        return of_log(self).model_copy(update=update)._with(_scene_name=name)  # type: ignore[no-any-return]
 
     def _problems_of_logs(self) -> Iterator[Problem]:
-        paths = self._paths()
-        if not any(isinstance(path, list) for path in paths.values()):
-            return
-        first, expected = next((key, len(path)) for key, path in paths.items() if isinstance(path, list))
-        for key, path in paths.items():
-            files = path if isinstance(path, list) else [path]
-            if len(files) != expected:
-                needed = f"one for each of the {expected} of truth.{'.'.join(map(str, first))}, in the same order"
-                yield Problem(key, f"{counted(len(files), 'file')}, where there must be {needed}")
-            for index, file in enumerate(files):
-                if file in files[:index]:
-                    yield Problem((*key, index), f"{file} is there already; each log is another file")
+        for key, path in self._paths().items():
+            count = len(path) if isinstance(path, list) else 1
+            if count != self.number_of_logs:
+                needed = f"one for each of {self.number_of_logs} logs, in the same order"
+                yield Problem(key, f"{counted(count, 'file')}, where there must be {needed}")
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Return each sensor in ``kinds`` (its kind, by name) for which the files have measurements."""
@@ -196,7 +176,7 @@ class RecordingOptions(ReferenceTruth):
 
     def _problems_with_truth(self) -> Iterator[Problem]:
         if self.format not in TABLES:
-            unused_keys = ("columns", "units", "measurements", "reference", "ego")
+            unused_keys = ("columns", "measurements", "reference", "ego")
             for name in (name for name in unused_keys if name in self.model_fields_set):
                 key = type(self).model_fields[name].alias or name
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
@@ -206,21 +186,12 @@ class RecordingOptions(ReferenceTruth):
             yield Problem(("columns", "class"), "missing: the column of the class, for reference.classes")
 
     def _problems_without_truth(self) -> Iterator[Problem]:
-        if self.format not in TABLES or self.columns is not None:
-            what = "whose columns are named in columns" if self.format in TABLES else f"of format {self.format}"
-            yield Problem(("path",), f"missing: the file {what}")
-            return
-        if "reference" in self.model_fields_set:
-            yield Problem(("reference",), "only used with a truth, and there is none; remove")
-        if not self.measurements:
-            yield Problem(("path",), "missing: the file with the truth; without a truth, readings name measurements")
+        if self.columns is not None or "reference" in self.model_fields_set or not self.measurements:
+            message = "missing: the file with the truth; without a truth, readings alone name measurements"
+            yield Problem(("path",), message)
         for name, entry in self.measurements.items():
-            for key in ("path", "time"):
-                if getattr(entry, key) is None:
-                    message = "missing: without a truth, each sensor has a file of its own"
-                    yield Problem(("readings", name, key), message)
-            if entry.object is not None:
-                message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
-                yield Problem(("readings", name, "object"), message)
+            if entry.path is None or entry.time is None or entry.object is not None:
+                message = "without a truth, it has a path and a time of its own, and slot instead of object"
+                yield Problem(("readings", name), message)
         if self.ego is not None and self.ego.time is None:
             yield Problem(("ego", "time"), "missing: without a truth, the observer has its own column of times")

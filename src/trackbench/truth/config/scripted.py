@@ -5,19 +5,35 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, Tag
+from pydantic import Field, Tag
 
-from trackbench.base.config import MAPPING, Angle, Config, Name, NonNegative, Positive, Problem, chosen_by
+from trackbench.base.config import (
+    MAPPING,
+    Angle,
+    Config,
+    KeyPath,
+    Name,
+    NonNegative,
+    Positive,
+    Problem,
+    chosen_by,
+    shape,
+)
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.recording import MovingObserver
 from trackbench.truth.jumps import Position, Speed, Velocity
 
-#: Kinds of motion of a piece, with the keys that each adds.
-KINDS: dict[str, tuple[str, ...]] = {"white": (), "white_acceleration": (), "waypoints": ("speed_mps",)}
-#: Keys of the default kind of motion: constant turn rate and acceleration, zero unless given.
-STEADY = ("turn_rate_degps", "acceleration_mps2")
+#: Default kind of motion of a piece: constant turn rate and acceleration.
+STEADY = "steady motion"
+#: Keys of each kind of motion of a piece.
+KINDS: dict[str, tuple[str, ...]] = {
+    "white": (),
+    "white_acceleration": (),
+    "waypoints": ("speed_mps",),
+    STEADY: ("turn_rate_degps", "acceleration_mps2", "until_stop"),
+}
 
 Waypoint = Annotated[list[Position], Field(min_length=2, max_length=2)]
 
@@ -35,13 +51,8 @@ class ScriptedStart(Config):
     vy_mps: Velocity | None = Field(None, description="Velocity along y, m/s; instead of speed_mps and course_deg.")
 
     def problems(self) -> Iterator[Problem]:
-        if self.speed_mps is None and self.course_deg is None:
-            return
-        for key in ("vx_mps", "vy_mps"):
-            if getattr(self, key) is not None:
-                yield Problem(
-                    (key,), "the velocity is given twice: write speed_mps and course_deg, or vx_mps and vy_mps"
-                )
+        if {self.speed_mps, self.course_deg} != {None} and {self.vx_mps, self.vy_mps} != {None}:
+            yield Problem((), "the velocity is given twice: write speed_mps and course_deg, or vx_mps and vy_mps")
 
 
 class WhiteMotion(OptionsBeside):
@@ -117,20 +128,11 @@ class Piece(Config):
         return 0.0 if steady else None
 
     def problems(self) -> Iterator[Problem]:
-        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
-        for kind in kinds[1:]:
-            yield Problem(
-                (kind,), f"a piece has one kind of motion: write another piece for it, beside that of {kinds[0]}"
-            )
-        for key in STEADY:
-            if kinds and key in self.model_fields_set:
-                yield Problem((key,), f"not used with {kinds[0]}; write another piece for it")
-        if self.until_stop and (kinds or self.acceleration_mps2 >= 0):
+        kind = next((kind for kind in KINDS if getattr(self, kind, None) is not None), STEADY)
+        for key in sorted(self.model_fields_set - {"for_s", kind, *KINDS[kind]}):
+            yield Problem((key,), f"a piece has one kind of motion, and this one has {kind}; write another piece")
+        if self.until_stop and self.acceleration_mps2 >= 0:
             yield Problem(("until_stop",), "only used with a negative acceleration_mps2")
-        for kind, keys in KINDS.items():
-            for key in keys:
-                if kind not in kinds and key in self.model_fields_set:
-                    yield Problem((key,), f"only used with {kind}; the speed changes by acceleration_mps2")
 
 
 class ScriptedBody(Config):
@@ -172,13 +174,9 @@ class ScriptedObserver(ScriptedBody):
 
 
 def _observer_kind(value: Any) -> str | None:
-    if isinstance(value, BaseModel):
-        return "<drive>" if isinstance(value, ScriptedObserver) else MAPPING
-    if not isinstance(value, dict):
-        return None
-    if not value.keys() & ScriptedObserver.model_fields.keys():
-        return MAPPING
-    return None if value.keys() & MovingObserver.model_fields.keys() else "<drive>"
+    if isinstance(value, dict):
+        return "<drive>" if value.keys() & ScriptedObserver.model_fields.keys() else MAPPING
+    return "<drive>" if isinstance(value, ScriptedObserver) else shape(value)
 
 
 Observer = Annotated[
@@ -186,7 +184,7 @@ Observer = Annotated[
     chosen_by(
         _observer_kind,
         "write a point {x: 0, y: 0, yaw_deg: 0, vx_mps: 20}, or a vehicle "
-        "{start: {speed_mps: 20}, pieces: [...], length_m: 5, width_m: 2}, and not keys of both",
+        "{start: {speed_mps: 20}, pieces: [...], length_m: 5, width_m: 2}",
     ),
 ]
 
@@ -212,12 +210,12 @@ class ScriptedOptions(SteppedTruth):
     def problems(self) -> Iterator[Problem]:
         if not any(body.target for body in self.objects.values()):
             yield Problem(("objects",), "no object is a target; leave target out of one")
-        for name, body in self.objects.items():
-            for problem in self._duration_problems(body.pieces):
-                yield Problem(("objects", name, "pieces", *problem.at), problem.message)
+        bodies: dict[KeyPath, ScriptedBody] = {("objects", name): body for name, body in self.objects.items()}
         if isinstance(self.observer, ScriptedObserver):
-            for problem in self._duration_problems(self.observer.pieces):
-                yield Problem(("observer", "pieces", *problem.at), problem.message)
+            bodies["observer",] = self.observer
+        for key, body in bodies.items():
+            for problem in self._duration_problems(body.pieces):
+                yield Problem((*key, "pieces", *problem.at), problem.message)
 
     def _duration_problems(self, pieces: list[Piece]) -> Iterator[Problem]:
         last, is_valid = len(pieces) - 1, True

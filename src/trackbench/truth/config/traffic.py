@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, Tag, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, Tag, model_validator
 
 from trackbench.base.config import (
     LIST,
@@ -21,8 +21,8 @@ from trackbench.base.config import (
     text_or_list,
 )
 from trackbench.base.config.plugin import OptionsBeside, Plugin
-from trackbench.truth.base import MAX_SCENES, TruthSource
-from trackbench.truth.config.highway import ChosenTargets, OthersWithin
+from trackbench.truth.base import MAX_SCENES, TruthSource, distinct
+from trackbench.truth.config.highway import ChosenTargets
 from trackbench.truth.config.logs import Paths, find_log, log_names
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficFormat, read_rows
@@ -41,7 +41,8 @@ class VehicleObserver(Config):
     """Vehicle that carries the sensors, or several vehicles, each in a scene of its own."""
 
     vehicle: Annotated[
-        Annotated[Vehicle, Tag(WORD)] | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
+        Annotated[Vehicle, Tag(WORD)]
+        | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), AfterValidator(distinct), Tag(LIST)],
         chosen_by(
             text_or_list,
             'write the id of a vehicle as text, such as "12", or a list of ids, each of which makes a scene',
@@ -50,12 +51,6 @@ class VehicleObserver(Config):
         description="Its id in the file, as text; or a list of ids, each of which makes a scene. The scenes may have "
         "no vehicle in common: an interval over scenes takes them for independent."
     )
-
-    def problems(self) -> Iterator[Problem]:
-        if isinstance(self.vehicle, list):
-            for index, name in enumerate(self.vehicle):
-                if name in self.vehicle[:index]:
-                    yield Problem(("vehicle", index), f"{name} is there already; each vehicle makes another scene")
 
 
 def _observer_kind(value: Any) -> str | None:
@@ -98,7 +93,6 @@ class TrafficOptions(TruthSource, OptionsBeside):
         description="What to do with motion that no vehicle makes: refuse the recording with the figure, or take it as "
         "it is (repair: cut tracks where they jump; velocities that contradict the motion come from the displacement).",
     )
-    others_within_m: OthersWithin = None
     length_m: Positive = Field(4.5, description="Length of a vehicle of which the file does not say it, m.")
     width_m: Positive = Field(1.8, description="Width of a vehicle of which the file does not say it, m.")
     _scene: int = PrivateAttr(0)
@@ -111,6 +105,12 @@ class TrafficOptions(TruthSource, OptionsBeside):
         return self.observer.vehicle if isinstance(self.observer.vehicle, list) else [self.observer.vehicle]
 
     @property
+    def recording(self) -> Self:
+        """Copy with what the scenes of a recording have in common."""
+        common = self.model_copy(update={"observer": FixedObserver(), "targets": "all"})
+        return common._with(_scene=0, _others_within_m=None)
+
+    @property
     def scene(self) -> int:
         """Number of this scene, from 0."""
         return self._scene
@@ -120,10 +120,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
         return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else ""
 
     def scenes(self) -> Sequence[Self]:
-        scenes = [self.model_copy() for _ in self.vehicles or [""]]
-        for number, scene in enumerate(scenes):
-            scene._scene = number
-        return scenes
+        return [self._with(_scene=number) for number in range(len(self.vehicles) or 1)]
 
     def problems(self) -> Iterator[Problem]:
         if self.format.endings and self.path is None:
@@ -137,11 +134,6 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
     path: Paths = Field(description="The file. Of several sequences a list of files, each of which is a scene.")
-    _sequence: str = PrivateAttr("")
-
-    @property
-    def scene_name(self) -> str:
-        return self._sequence
 
     @property
     def number_of_logs(self) -> int:
@@ -149,10 +141,9 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
 
     def scenes(self) -> Sequence[Self]:
         files = files_in(self.path)
-        scenes = [self.model_copy(update={"path": file}) for file in files]
-        for scene, name in zip(scenes, log_names(files) if len(files) > 1 else [""], strict=True):
-            scene._sequence = name
-        return scenes
+        names = log_names(files) if len(files) > 1 else [""]
+        sequences = zip(files, names, strict=True)
+        return [self.model_copy(update={"path": file})._with(_scene_name=name) for file, name in sequences]
 
     @property
     def has_observer(self) -> bool:
@@ -160,13 +151,9 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
         return self.format.from_sensor or "observer" in self.model_fields_set
 
     def problems(self) -> Iterator[Problem]:
-        files = files_in(self.path)
-        for index, file in enumerate(files):
-            if file in files[:index]:
-                yield Problem(("path", index), f"{file} is there already; each sequence is another file")
         if self.reference.range_m is not None and not self.has_observer:
             message = "counts from the observer, and the file does not say where that is: state it, such as "
-            yield Problem(("reference", "range_m"), f"{message}observer: {{x: 0, y: 0}}, or use region")
+            yield Problem(("reference", "range_m"), f"{message}observer: {{x: 0, y: 0}}")
 
 
 AUTO = "auto"

@@ -18,6 +18,7 @@ from trackbench.base.config import Positive
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
+from trackbench.truth.config.columns import Column
 from trackbench.truth.recorded.rows import Rows, rows_of_columns
 from trackbench.truth.recorded.table_files import log_text
 from trackbench.truth.tracks import TrackRows, TrafficFormat
@@ -40,7 +41,7 @@ def _name(place: int) -> str:
 
 
 def _lengths(rows: Rows, *places: int) -> list[Array]:
-    return [rows.numbers(_name(place), 1.0, "length") for place in places]
+    return [rows.numbers(Column(_name(place), "length")) for place in places]
 
 
 MOT_COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")

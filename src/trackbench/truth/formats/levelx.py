@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.truth.config.columns import Column, stated_column
 from trackbench.truth.recorded.table_files import read_table
 from trackbench.truth.tracks import TrackRows, TrafficFormat
 
@@ -33,36 +34,30 @@ class _LevelX(TrafficFormat):
     def rows(self, file: Path) -> TrackRows:
         if not file.name.endswith(TRACKS):
             raise InputError(f"the file of the tracks is needed, whose name ends in {TRACKS}", file=file)
-        rate = self._frames_per_second(file)
+        recording = read_table(_neighbour_file(file, RECORDING), "csv", ["frameRate"])
+        rate = float(recording.numbers(Column("frameRate"))[0])
         motion = (self.x_column, self.y_column, "xVelocity", "yVelocity")
         heading = ("heading",) if self.from_above else ()
         rows = read_table(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
         ids = rows.labels(self.id_column).of_rows
         quantities = ("length", "length", "speed", "speed")
-        x, y, vx, vy = (rows.numbers(name, 1.0, kind) for name, kind in zip(motion, quantities, strict=True))
-        length, width = (rows.numbers(name, 1.0, "length", optional=True) for name in self.size_columns)
+        x, y, vx, vy = (rows.numbers(Column(name, kind)) for name, kind in zip(motion, quantities, strict=True))
+        length, width = (rows.numbers(Column(name, "length"), optional=True) for name in self.size_columns)
         # The sides of highD's boxes lie along the picture's axes; its y points down.
         px, py = (x, y) if self.from_above else (x + length / 2, -(y + width / 2))
         bodies = read_table(_neighbour_file(file, BODIES), "csv", [self.id_column, "class"])
         kinds = dict(zip(bodies.texts(self.id_column), bodies.texts("class"), strict=True))
         return TrackRows(
             ids,
-            rows.numbers("frame", 1.0 / rate, None),
+            rows.numbers(Column("frame", factor=1.0 / rate)),
             px,
             py,
-            heading=rows.numbers("heading", np.pi / 180, "angle") if self.from_above else None,
+            heading=rows.numbers(stated_column("heading:deg", "angle")) if self.from_above else None,
             speed=np.hypot(vx, vy),
             length=length,
             width=width,
             kind=[kinds.get(name, "") for name in ids],
         )
-
-    def _frames_per_second(self, file: Path) -> float:
-        beside = _neighbour_file(file, RECORDING)
-        rate = float(read_table(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
-        if not 0.1 <= rate <= 1000:
-            raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
-        return rate
 
 
 def _neighbour_file(file: Path, ending: str) -> Path:

@@ -14,11 +14,12 @@ from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
-from trackbench.base.errors import InputError, counted, nearest_choices, shortened_text
+from trackbench.base.errors import InputError, counted, shortened_text
 from trackbench.base.files import require_regular
 from trackbench.base.plugins import one_line
+from trackbench.truth.config.columns import Column
 from trackbench.truth.formats import osi
-from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
+from trackbench.truth.formats.tables import QUANTITIES, table_rows
 from trackbench.truth.recorded.rows import rows_of_columns
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
 
@@ -95,16 +96,14 @@ def chosen_topic(topics: Mapping[str, str], schemas: Iterable[str], topic: str |
     Raises:
         InputError: no topic has tracks, the named topic has none, or several have tracks and none is named.
     """
-    if topic is not None and topic not in topics:
-        raise InputError(f"there is no topic {topic!r} with tracks; {nearest_choices(topic, topics)}", file=file)
     if not topics:
         message = f"there are no tracks in this file; known are messages of {', '.join(schemas)}"
         raise InputError(message + "; format ros reads bags of ROS 2" * (TRACKS in schemas), file=file)
-    if topic is None and len(topics) > 1:
-        names = ", ".join(shortened_text(name, 40) for name in sorted(topics)[:5])
-        have = f"{counted(len(topics), 'topic')} have {next(iter(topics.values()))}"
-        raise InputError(f"{have}: name one in topic: {names}", file=file)
-    return topic or next(iter(topics))
+    chosen = next(iter(topics)) if topic is None and len(topics) == 1 else topic
+    if chosen is None or chosen not in topics:
+        choices = ", ".join(shortened_text(name, 40) for name in sorted(topics)[:5])
+        raise InputError(f"{counted(len(topics), 'topic')} with tracks: name one in topic: {choices}", file=file)
+    return chosen
 
 
 def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
@@ -143,7 +142,7 @@ def rows_of_messages(rows: Sequence[Row], file: Path, moved: Collection[str] = (
         name for name in QUANTITIES if (any if name in (*COVARIANCE, "existence") else all)(name in row for row in rows)
     ]
     table = rows_of_columns(file, {name: [row.get(name) for row in rows] for name in names_read})
-    return table_rows(table, ColumnLayout({name: name for name in names_read}, {}), dict.fromkeys(QUANTITIES, 1.0))
+    return table_rows(table, {name: Column(name, QUANTITIES[name]) for name in names_read})
 
 
 def _parsed(messages: Sequence[Message], rows_in: Callable[[Any], Iterator[Row]], file: Path) -> list[Row]:

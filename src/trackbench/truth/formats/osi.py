@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
-from pydantic import Field
 
 from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_bytes
@@ -36,15 +35,12 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 class OsiTrace(TrafficFormat):
-    """ASAM OSI trace, binary (.osi): the moving objects of SensorView or GroundTruth messages."""
+    """ASAM OSI trace (.osi): moving objects of GroundTruth if the file's name has _gt_, else of SensorView."""
 
     endings: ClassVar[tuple[str, ...]] = (".osi",)
-    message: Kind | None = Field(
-        None, description="The type of the messages; GroundTruth where the file's name has _gt_, else SensorView."
-    )
 
     def rows(self, file: Path) -> TrackRows:
-        kind = self.message or ("GroundTruth" if "_gt_" in file.name else "SensorView")
+        kind: Kind = "GroundTruth" if "_gt_" in file.name else "SensorView"
         content = memoryview(read_bytes(file))
         return moving_objects(file, kind, _delimited(content, file))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +13,7 @@ from trackbench.base.config import Problem
 from trackbench.base.errors import InputError, nearest_choices
 from trackbench.base.types import Array
 from trackbench.truth import jumps
-from trackbench.truth.config.columns import UNITS, Units
+from trackbench.truth.config.columns import UNITS, Column, column_in, stated_column
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table_files import read_header, read_table
 from trackbench.truth.tracks import COVARIANCE, TrackRows, TrafficFormat
@@ -46,22 +46,8 @@ NAMES = {
 DEGREES = ("lon", "long", "longitude", "lat", "latitude")
 
 
-class ColumnLayout(NamedTuple):
-    """Which column of a table holds which quantity, and in which unit."""
-
-    columns: Mapping[str, str]
-    """Name of the column in the table, by key: time, id, x, y, heading and so on."""
-    units: Mapping[str, str]
-    """Unit of a column, by key: stated by the user, or the ending of the column's name."""
-
-    def factor(self, key: str, default: float) -> float:
-        """Return the factor from the unit of a key's column to SI units; ``default`` if the unit is unknown."""
-        quantity = QUANTITIES[key]
-        return default if quantity is None or key not in self.units else UNITS[quantity][self.units[key]]
-
-
-def column_layout(header: Sequence[str], stated: Mapping[str, str]) -> ColumnLayout:
-    """Find the column and unit of each quantity in a table.
+def column_layout(header: Sequence[str], stated: Mapping[str, str]) -> dict[str, Column]:
+    """Find the column of each quantity in a table, by key: time, id, x, y, heading and so on.
 
     Args:
         header: names of all columns of the table.
@@ -70,77 +56,57 @@ def column_layout(header: Sequence[str], stated: Mapping[str, str]) -> ColumnLay
     Raises:
         InputError: a key has several columns, or a required key none; the message names the candidates.
     """
-    columns: dict[str, str] = {}
-    units: dict[str, str] = {}
-    for key in QUANTITIES:
-        candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
-        if key in stated:
-            candidates = [_named(key, stated[key], header)]
-        if len(candidates) > 1:
-            names = " or ".join(repr(name) for name, _ in candidates)
-            raise InputError(f"{key} may be {names}; say which")
-        if not candidates and key in REQUIRED:
+    columns: dict[str, Column] = {}
+    for key, quantity in QUANTITIES.items():
+        if key in stated and stated[key] not in header and ":" in stated[key]:
+            columns[key] = stated_column(stated[key], quantity)
+            continue
+        names = [stated[key]] if key in stated else [name for name in header if _key(name) == key]
+        if len(names) > 1:
+            raise InputError(f"{key} may be {' or '.join(map(repr, names))}; say which")
+        if not names and key in REQUIRED:
             raise InputError(f"there is no column {key!r}; {nearest_choices(key, header)}")
-        for name, unit in candidates:
-            columns[key] = name
-            units |= {key: unit} if unit is not None else {}
-    return ColumnLayout(columns, units)
+        for name in names:
+            columns[key] = column_in(name, quantity, _ending(name))
+    return columns
 
 
-def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | None]:
-    name, colon, unit = stated.rpartition(":")
-    if stated in header or not colon:
-        name, unit = stated, _unit(stated, key) or ""
-    if name not in header:
-        raise InputError(f"there is no column {name!r} for {key}; {nearest_choices(name, header)}")
-    units = UNITS.get(QUANTITIES[key] or "", {})
-    if unit and unit not in units:
-        raise InputError(f"{unit!r} is no unit of {key}; {nearest_choices(unit, units)}")
-    return name, unit or None
+def _ending(name: str) -> str:
+    return name.lower().rpartition("_")[2]
 
 
-def _unit(name: str, key: str) -> str | None:
-    """Return the unit at the end of a column's name if it is one of the key's quantity, else None."""
-    _, bar, unit = name.lower().rpartition("_")
-    return unit if bar and unit in UNITS.get(QUANTITIES[key] or "", {}) else None
-
-
-def _known(name: str) -> tuple[str | None, str | None]:
-    """Return the key and the unit that a column's name tells; None for each that it does not."""
+def _key(name: str) -> str | None:
+    """Return the key that a column's name tells, such as x for ``pos_x_km``; None for an unknown name."""
     word = name.lower()
-    key = NAMES.get(word) or NAMES.get(word.rpartition("_")[0])
-    unit = None if key is None or word in NAMES else _unit(word, key)
-    return (key, unit) if word in NAMES or unit is not None else (None, None)
+    key = NAMES.get(word.rpartition("_")[0])
+    has_unit = key is not None and _ending(word) in UNITS.get(QUANTITIES[key] or "", {})
+    return NAMES.get(word, key if has_unit else None)
 
 
-def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
+def table_rows(rows: Rows, layout: Mapping[str, Column]) -> TrackRows:
     """Return a table of tracks as rows in SI units.
 
     Args:
         rows: the table as read from the file.
-        layout: column and unit of each quantity.
-        factors: factor from the unit of each column to SI units, by key.
+        layout: column of each quantity, by key.
 
     Raises:
         InputError: a row is damaged.
     """
 
     def numbers(key: str) -> Array | None:
-        if key not in layout.columns:
-            return None
-        optional = key not in REQUIRED
-        return rows.numbers(layout.columns[key], factors[key], QUANTITIES[key], optional=optional)
+        return rows.numbers(layout[key], optional=key not in REQUIRED) if key in layout else None
 
     def texts(key: str) -> list[str] | None:
-        return rows.texts(layout.columns[key]) if key in layout.columns else None
+        return rows.texts(layout[key].name) if key in layout else None
 
-    clock = rows.times(layout.columns["time"], factors["time"])
+    clock = rows.times(layout["time"])
     latest, length_s = int(np.argmax(clock.seconds)), float(np.ptp(clock.seconds))
     if length_s > jumps.LONGEST:
-        column = layout.columns["time"]
+        column = layout["time"].name
         raise rows.error(latest, f"{column}: {jumps.why_too_long(length_s)}, such as time={column}:ns")
     covariance = None
-    if any(key in layout.columns for key in COVARIANCE):
+    if any(key in layout for key in COVARIANCE):
         covariance = np.full((4, 4, len(rows)), np.nan)
         for key, (a, b) in COVARIANCE.items():
             values = numbers(key)
@@ -151,7 +117,7 @@ def table_rows(rows: Rows, layout: ColumnLayout, factors: Mapping[str, float]) -
     }
     named: dict[str, Any] = {key: texts(key) for key in ("scene", "run", "fingerprint")}
     return TrackRows(
-        rows.labels(layout.columns["id"]).of_rows,
+        rows.labels(layout["id"].name).of_rows,
         clock.seconds,
         numeric.pop("x"),
         numeric.pop("y"),
@@ -171,9 +137,9 @@ class TableFormat(TrafficFormat):
         default_factory=dict,
         description="Names of columns that are not called as here: time, id, x, y, vx, vy, heading, speed, length, "
         "width, class. The first four are required; x and y are of the centre of the body. Further keys are existence, "
-        "p_00 to p_33 (covariance of x, y, vx, vy), scene, run and fingerprint.",
+        "p_00 to p_33 (covariance of x, y, vx, vy), scene, run and fingerprint. A unit may stand after a name, as in "
+        "`heading: yaw:deg`, or at the end of a name in the file, as in `x_km`.",
     )
-    units: Units = Field(default_factory=Units, description="Units of the columns.")
 
     def problems(self) -> Iterator[Problem]:
         for key in self.columns:
@@ -185,13 +151,12 @@ class TableFormat(TrafficFormat):
             layout = column_layout(read_header(file, self.form), self.columns)
         except InputError as error:
             raise error.located(file=file, line=None) from None
-        factors = {key: layout.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        table = read_table(file, self.form, layout.columns.values())
-        for column in (layout.columns[key] for key in ("x", "y")):
+        table = read_table(file, self.form, (column.name for column in layout.values()))
+        for column in (layout[key].name for key in ("x", "y")):
             if column.lower().split("_")[0] in DEGREES:
                 message = "is in degrees, and metres are scored: project it first, such as by pymap3d.geodetic2enu"
                 raise InputError(f"{column!r} {message}", file=file)
-        return table_rows(table, layout, factors)
+        return table_rows(table, layout)
 
 
 class Csv(TableFormat):
@@ -221,7 +186,5 @@ class InterstateI80(TrafficFormat):
 
     def rows(self, file: Path) -> TrackRows:
         names = read_header(I80_FILE, "parquet")
-        factors = {**dict.fromkeys(QUANTITIES, 1.0), **I80_FACTORS}
-        return table_rows(
-            read_table(I80_FILE, "parquet", names), ColumnLayout({name: name for name in names}, {}), factors
-        )
+        layout = {name: Column(name, QUANTITIES[name], factor=I80_FACTORS.get(name, 1.0)) for name in names}
+        return table_rows(read_table(I80_FILE, "parquet", names), layout)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trackbench.truth.base import LoadedTruth, Recorded
-from trackbench.truth.config import RecordingOptions
+from trackbench.truth.config.recording import RecordingOptions
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import (
     Drive,
@@ -22,7 +22,7 @@ from trackbench.truth.recorded.drive import (
 )
 from trackbench.truth.recorded.reference import with_scored_region
 from trackbench.truth.recorded.scans import recorded_detections
-from trackbench.truth.recorded.table import load_tables, load_unlabelled
+from trackbench.truth.recorded.table import load_tables
 from trackbench.truth.recorded.udacity import load_udacity
 
 __all__ = ["Drive", "load_recording", "read_drive"]
@@ -72,7 +72,5 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
 
 def read_drive(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
     """Return the content of a recording's files; arguments as for :func:`load_recording`."""
-    if config.without_truth:
-        return load_unlabelled(config, kinds, folder)
     load = load_udacity if config.format == "udacity" else load_tables
     return load(config, kinds, folder)

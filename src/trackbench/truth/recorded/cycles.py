@@ -102,8 +102,6 @@ def require_long_enough(truth: Truth, recorded: Mapping[str, Recorded], count: i
     """
     scans = truth.time[np.concatenate([own.steps for own in recorded.values()])] if recorded else truth.time
     length = float(np.ptp(scans)) / count
-    if length < SHORTEST:
-        message = f"{count} stretches of {length * count:.3g} s are shorter than {SHORTEST:g} s each"
-        raise InputError(f"{message}; at most {int(length * count / SHORTEST)}", key="truth.stretches")
-    if len(np.unique(stretch_of(scans, count))) < count:
-        raise InputError(f"there is no scan in one of {count} stretches; take fewer", key="truth.stretches")
+    if length < SHORTEST or len(np.unique(stretch_of(scans, count))) < count:
+        message = f"one of {count} stretches is shorter than {SHORTEST:g} s, or has no scan"
+        raise InputError(f"{message}: take at most {int(length * count / SHORTEST)}", key="truth.stretches")

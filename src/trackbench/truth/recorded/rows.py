@@ -18,6 +18,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.numbers import stated_number
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
+from trackbench.truth.config.columns import Column
 
 #: Start of a time stamp of ISO 8601.
 STAMP = r"^\d{4}-?\d\d-?\d\d[Tt ]\d\d"
@@ -90,51 +91,47 @@ class Rows:
         """Return a cell as text for a message, shortened if it is long."""
         return repr(str(self.table[column][row])[:40])
 
-    def numbers(self, column: str, factor: float, quantity: str | None, *, optional: bool = False) -> Array:
+    def numbers(self, column: Column, *, optional: bool = False) -> Array:
         """Return a column of finite numbers in SI units and radians, ``(rows,)``; NaN for an allowed empty cell.
 
         Args:
-            column: name of the column.
-            factor: factor from the column's unit to SI units.
-            quantity: quantity, such as "length", whose plausible limits apply; None for no limits.
+            column: column to read; the plausible limits of its quantity apply.
             optional: whether cells may be empty or nan.
 
         Raises:
             InputError: a cell is no number, or is implausible.
         """
-        values = self._floats(column)
+        name = column.name
+        values = self._floats(name)
         is_wrong = ~np.isfinite(values)
         if optional and is_wrong.any():
-            is_wrong &= ~self._unknown(column)
+            is_wrong &= ~self._unknown(name)
         if is_wrong.any():
-            raise self._no_number(int(np.argmax(is_wrong)), column)
-        values = values * factor
-        if quantity is not None:
-            least, most, unit = jumps.POSSIBLE[quantity]
+            raise self._no_number(int(np.argmax(is_wrong)), name)
+        values = values * column.factor
+        if column.quantity is not None:
+            least, most, unit = jumps.POSSIBLE[column.quantity]
             if (is_wrong := (values < least) | (values > most)).any():
                 row = int(np.argmax(is_wrong))
                 problem = f"it would be {values[row]:.3g}{unit}, and {least:g} to {most:g}{unit} can be meant"
-                raise self.error(row, f"{column} is {self.cell(row, column)}: {problem}: check its unit")
+                raise self.error(row, f"{name} is {self.cell(row, name)}: {problem}: check its unit")
         return values
 
-    def times(self, column: str, factor: float) -> TimeColumn:
+    def times(self, time: Column) -> TimeColumn:
         """Return a column of times.
-
-        Args:
-            column: name of the column.
-            factor: factor from the column's unit to s, one over a power of ten.
 
         Raises:
             InputError: a cell is no time.
         """
-        cells, per_second = self.table[column], round(1 / factor)
+        column, per_second = time.name, round(1 / time.factor)
+        cells = self.table[column]
         if types.is_timestamp(cells.type):
             if cells.null_count:
                 raise self._no_number(int(np.argmax(cells.is_null().to_numpy())), column)
             return _exact_times(cells.cast(pa.int64()).to_numpy(), PER_SECOND[cells.type.unit])
         if _is_text(cells.type) and re.match(STAMP, cells[0].as_py()):
             return self._time_stamps(column)
-        values = self.numbers(column, 1.0, "time") / per_second
+        values = self.numbers(Column(column, "time")) / per_second
         if np.abs(values).max() <= FROM_ZERO_S:
             return TimeColumn(values)
         try:
@@ -192,8 +189,6 @@ class Rows:
         return np.asarray(unknown.to_numpy(), dtype=bool)
 
     def _no_number(self, row: int, column: str) -> InputError:
-        if not self.texts(column)[row]:
-            return self.error(row, f"{column} is empty, where a number is expected")
         return self.error(row, f"{column} is not a finite number: {self.cell(row, column)}")
 
     def _time_stamps(self, column: str) -> TimeColumn:

@@ -8,7 +8,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Indices, Mask, RecordedDetections
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.truth.config.columns import POLAR, MeasurementColumns, Units
+from trackbench.truth.config.columns import POLAR, Column, MeasurementColumns
 from trackbench.truth.recorded.cycles import MOST_MISSED, cycles
 from trackbench.truth.recorded.drive import Scans, row_order
 from trackbench.truth.recorded.rows import Rows
@@ -20,29 +20,27 @@ EMPTY_SLOT = 1.0
 FEW_MISSED = 0.5
 
 
-def column_measurements(
-    table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]
-) -> tuple[Array, Indices]:
+def column_measurements(table: Rows, entry: MeasurementColumns, sensor: type[Sensor]) -> tuple[Array, Indices]:
     """Return the measurements ``(m, n)`` in SI units and radians, and the indices of their rows ``(n,)``.
 
     Raises:
         InputError: a number is damaged, or no row has a measurement.
     """
-    named, quantities = entry.components, entry.quantities(sensor.components, sensor.units)
-    values = []
-    for name, quantity in quantities.items():
-        factor = units.factor(quantity, entry.units.get(name))
-        bias = entry.bias.get(name, 0.0) * factor
-        values.append(table.numbers(named[name], factor, quantity, optional=True) - bias)
+    columns = entry.columns(sensor.components, sensor.units)
+    values = [
+        table.numbers(column, optional=True) - entry.bias.get(name, 0.0) * column.factor
+        for name, column in columns.items()
+    ]
+    names = [column.name for column in columns.values()]
     is_given = np.isfinite(values)
     for row in np.flatnonzero(is_given.any(axis=0) & ~is_given.all(axis=0)).tolist():
-        missing = named[list(quantities)[int(np.argmin(is_given[:, row]))]]
+        missing = names[int(np.argmin(is_given[:, row]))]
         raise table.error(row, f"{missing} is empty, but other columns of the same measurement are not")
     rows = np.flatnonzero(is_given.all(axis=0))
     if not len(rows):
-        raise InputError(f"there is no measurement in {', '.join(named.values())}", file=table.file)
+        raise InputError(f"there is no measurement in {', '.join(names)}", file=table.file)
     measurement = np.stack(values)[:, rows]
-    if tuple(quantities) != sensor.components:
+    if tuple(columns) != sensor.components:
         x, y = measurement[:2]
         measurement = np.stack([np.hypot(x, y), np.arctan2(y, x), *measurement[2:]])
     return measurement, rows
@@ -55,32 +53,26 @@ def position_of(components: tuple[str, ...], measurement: Array) -> Array:
     return np.stack([first * np.cos(second), first * np.sin(second)] if is_polar else [first, second])
 
 
-def columns_of(entry: MeasurementColumns) -> list[str | None]:
-    """Return the column names that a file of unlabelled measurements must have; None for a column not given."""
-    return [entry.time, entry.slot, entry.new_track, *entry.components.values()]
-
-
-def scans_of(table: Rows, entry: MeasurementColumns, times: Array, units: Units, kind: str) -> Scans:
+def scans_of(table: Rows, entry: MeasurementColumns, times: Array, kind: str) -> Scans:
     """Group the unlabelled detections of a sensor into scans.
 
     Args:
         table: rows of the sensor.
         entry: names of the columns.
         times: ``(rows,)`` time of each row, s.
-        units: units of the columns.
         kind: kind of the sensor, such as radar.
 
     Raises:
         InputError: a row is damaged.
     """
     model = SENSOR_MODELS[kind]
-    measurement, detected = column_measurements(table, entry, units, model)
+    measurement, detected = column_measurements(table, entry, model)
     is_detected = np.zeros(len(table), dtype=bool)
     is_detected[detected] = True
     measured, at_rows = (table, times) if is_detected.all() else (table.only(is_detected), times[is_detected])
     is_new = np.zeros(len(measured), dtype=bool)
     if entry.new_track is not None:
-        flags = measured.numbers(entry.new_track, 1.0, None)
+        flags = measured.numbers(Column(entry.new_track))
         for row in np.flatnonzero((flags != 0) & (flags != 1)).tolist():
             raise measured.error(row, f"{entry.new_track} is {flags[row]:g}, where 0 or 1 is expected")
         is_new = flags == 1

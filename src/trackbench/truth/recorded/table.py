@@ -1,8 +1,8 @@
-"""Logs in tables with columns and units named by the scenario: a drive, or scans without a truth."""
+"""Logs in tables with columns named by the scenario: a drive, or scans without a truth."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -13,16 +13,16 @@ from trackbench.base.errors import nearest_choices
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
-from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
-    MOTION_QUANTITIES,
+    Column,
     MeasurementColumns,
     MotionColumns,
     ObserverColumns,
     TruthColumns,
-    Units,
+    stated_column,
 )
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import RecordingOptions
 from trackbench.truth.recorded.drive import (
     Drive,
     Log,
@@ -33,12 +33,8 @@ from trackbench.truth.recorded.drive import (
     rows_of_each,
     slope,
 )
-from trackbench.truth.recorded.rows import Labels, Rows
-from trackbench.truth.recorded.scans import (
-    column_measurements,
-    columns_of,
-    scans_of,
-)
+from trackbench.truth.recorded.rows import Rows
+from trackbench.truth.recorded.scans import column_measurements, scans_of
 from trackbench.truth.recorded.table_files import read_table
 
 #: Name of the object in a file without names.
@@ -46,123 +42,100 @@ OBJECT = "object"
 
 
 def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Return the motion of all objects and of the observer, and the measurements of each sensor in ``measurements``.
+    """Return the motion of all objects, if there is a truth, and of the observer, and each sensor's measurements.
 
     The scenario names the columns; ``kinds`` is the kind of each sensor by name.
 
     Raises:
-        InputError: a file cannot be read, or a row is damaged.
+        InputError: a file cannot be read or is damaged; with its name, and its line or row.
     """
-    assert config.columns is not None
-    assert config.path is not None
-    columns, units = config.columns, config.units
-    inside = [entry for entry in config.measurements.values() if entry.path is None]
-    wanted = [columns.time, columns.object, *columns.stated.values()]
-    wanted += [column for entry in inside for column in (entry.time, *_measurement_columns(entry, columns))]
-    wanted.append(columns.kind)
-    file = find_log(config.path, folder, "truth.path")
-    table = read_table(file, config.format, wanted)
-    clock = table.times(columns.time, units.factor("time", columns.units.get("time")))
-    start = clock.first
-    seconds = clock.since(start)
-    _require_not_long(table, columns.time, seconds)
-    motions, order = _motions(table, columns, seconds, config)
+    columns, drive = config.columns, Drive({}, RowOrder(0, 0, 0.0, 0), None, {}, {})
+    time, owner = ("", None) if columns is None else (columns.time, columns.object)
+    wanted: dict[str, list[str | None]] = {}
+    for name, entry in config.measurements.items():
+        needs_owner = not config.unlabelled(name)
+        wanted[name] = _wanted(entry, time, owner if needs_owner else None, SENSOR_MODELS[kinds[name]])
+    tables: dict[str, Rows] = {}
+    if columns is not None:
+        shared = [column for name in wanted if config.measurements[name].path is None for column in wanted[name]]
+        shared += [_time(time).name, owner, *_names(columns), columns.kind]
+        table = read_table(find_log(config.path or "", folder, "truth.path"), config.format, shared)
+        drive, tables = _truth(table, columns), dict.fromkeys(wanted, table)
+    for name, entry in config.measurements.items():
+        if entry.path is not None:
+            file = find_log(entry.path, folder, f"truth.readings.{name}.path")
+            tables[name] = read_table(file, config.format, wanted[name])
+    clocks = {name: tables[name].times(_time(entry.time or time)) for name, entry in config.measurements.items()}
+    start = min(clock.first for clock in clocks.values()) if columns is None else drive.start
     ego = config.ego
-    moving = None if ego is None else _observer(ego, ego.time or columns.time, config, folder, start)
+    moving = None if ego is None else _observer(ego, ego.time or time, config, folder, start)
     logs: dict[str, Log] = {}
     detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
-        source, unlabelled = table, config.unlabelled(name)
-        if entry.path is not None:
-            needed = columns_of(entry) if unlabelled else _measurement_columns(entry, columns)
-            source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
-        unit = entry.units.get("time", columns.units.get("time"))
-        measured = source.times(entry.time or columns.time, units.factor("time", unit))
-        times = measured.since(start) + entry.time_offset_s
-        if unlabelled:
-            detections[name] = scans_of(source, entry, times, units, kinds[name])
+        table, seconds = tables[name], clocks[name].since(start)
+        _require_not_long(table, _time(entry.time or time), seconds)
+        times = seconds + entry.time_offset_s
+        if config.unlabelled(name):
+            detections[name] = scans_of(table, entry, times, kinds[name])
             continue
-        log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
+        log = _log(table, entry, owner, times, SENSOR_MODELS[kinds[name]], list(drive.motions))
         # A table shared with the truth or other sensors does not show empty scans of this sensor.
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
-    classes: dict[str, str] = {}
-    if columns.kind is not None:
-        names, number = _objects(table, columns)
-        first = np.unique(number, return_index=True)[1].tolist()
-        kinds_of_rows = table.labels(columns.kind, optional=True)
-        classes = {name: kinds_of_rows.names[kinds_of_rows.number[row]] for name, row in zip(names, first, strict=True)}
-    read = {"file": table.file.name, "rows": len(table)}
-    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), kinds=classes, start=start)
+    return replace(drive, observer=moving, logs=logs, detections=detections)
 
 
-def load_unlabelled(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Return a drive without a truth: the detections of each sensor, and the motion of the observer.
-
-    Raises:
-        InputError: a file cannot be read or is damaged; with its name, and its line or row.
-    """
-    tables, clocks = {}, {}
-    for name, entry in config.measurements.items():
-        tables[name] = _detections_of_file(name, entry, columns_of(entry), config, folder)
-        clocks[name] = tables[name].times(entry.time or "", config.units.factor("time", entry.units.get("time")))
-    start, moving = min(clock.first for clock in clocks.values()), None
-    detections = {}
-    for name, entry in config.measurements.items():
-        seconds = clocks[name].since(start)
-        _require_not_long(tables[name], entry.time or "", seconds)
-        detections[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, config.units, kinds[name])
-    if config.ego is not None:
-        moving = _observer(config.ego, config.ego.time or "", config, folder, start)
-    return Drive({}, RowOrder(0, 0, 0.0, 0), moving, {}, {}, detections)
-
-
-def _detections_of_file(
-    name: str, entry: MeasurementColumns, columns: Sequence[str | None], config: RecordingOptions, folder: Path
-) -> Rows:
-    file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
-    return read_table(file, config.format, columns)
-
-
-def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
-    if seconds.max() > jumps.LONGEST:
-        row = int(np.argmax(seconds))
-        raise table.error(row, f"{column}: {jumps.why_too_long(seconds[row])}")
-
-
-def _objects(table: Rows, columns: TruthColumns) -> Labels:
-    if columns.object is None:
-        return Labels([OBJECT], np.zeros(len(table), dtype=np.intp))
-    return table.labels(columns.object)
-
-
-def _measurement_columns(entry: MeasurementColumns, columns: TruthColumns) -> list[str | None]:
-    return [entry.object or columns.object, *entry.components.values()]
-
-
-def _values(table: Rows, columns: MotionColumns, units: Units, units_of_columns: Mapping[str, str]) -> dict[str, Array]:
-    value = {
-        key: table.numbers(column, units.factor(quantity, units_of_columns.get(key)), quantity)
-        for key, column in columns.stated.items()
-        if (quantity := MOTION_QUANTITIES[key]) != "time"
-    }
-    if "speed" in value:
-        speed, course = value.pop("speed"), value.pop("course")
-        value |= {"vx": speed * np.cos(course), "vy": speed * np.sin(course)}
-    return value
-
-
-def _motions(
-    table: Rows, columns: TruthColumns, seconds: Array, config: RecordingOptions
-) -> tuple[dict[str, Motion], RowOrder]:
-    value = _values(table, columns, config.units, columns.units)
-    ids, owner = _objects(table, columns)
+def _truth(table: Rows, columns: TruthColumns) -> Drive:
+    clock = table.times(_time(columns.time))
+    seconds = clock.since(clock.first)
+    _require_not_long(table, _time(columns.time), seconds)
+    value = _values(table, columns)
+    ids, owner = [OBJECT], np.zeros(len(table), dtype=np.intp)
+    if columns.object is not None:
+        ids, owner = table.labels(columns.object)
     kept, order = row_order(seconds, owner)
     members = dict(zip(ids, (kept[rows] for rows in rows_of_each(owner[kept], len(ids))), strict=True))
     value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
     motions = {name: Motion(seconds[i], **{key: v[i] for key, v in value.items()}) for name, i in members.items()}
     if columns.without_velocity:
         motions = {name: _with_displacement_velocity(motion) for name, motion in motions.items()}
-    return motions, order
+    kinds: dict[str, str] = {}
+    if columns.kind is not None:
+        kind, first = table.labels(columns.kind, optional=True).of_rows, np.unique(owner, return_index=True)[1]
+        kinds = {name: kind[row] for name, row in zip(ids, first.tolist(), strict=True)}
+    read = {"file": table.file.name, "rows": len(table)}
+    return Drive(motions, order, None, {}, read, frames=np.unique(seconds), kinds=kinds, start=clock.first)
+
+
+def _require_not_long(table: Rows, time: Column, seconds: Array) -> None:
+    if seconds.max() > jumps.LONGEST:
+        row = int(np.argmax(seconds))
+        raise table.error(row, f"{time.name}: {jumps.why_too_long(seconds[row])}")
+
+
+def _time(text: str) -> Column:
+    return stated_column(text, "time")
+
+
+def _wanted(entry: MeasurementColumns, time: str, owner: str | None, sensor: type[Sensor]) -> list[str | None]:
+    """Return the names of the columns with a sensor's measurements; None for a column that is not stated.
+
+    Args:
+        entry: columns of the measurements.
+        time: column of the time, unless the entry has its own.
+        owner: column of the object, unless the entry has its own.
+        sensor: model of the sensor.
+    """
+    components = entry.columns(sensor.components, sensor.units).values()
+    own = _time(entry.time or time).name, entry.object or owner, entry.slot, entry.new_track
+    return [*own, *(column.name for column in components)]
+
+
+def _names(columns: MotionColumns) -> list[str]:
+    return [column.name for column in columns.stated.values()]
+
+
+def _values(table: Rows, columns: MotionColumns) -> dict[str, Array]:
+    return {key: table.numbers(column) for key, column in columns.stated.items()}
 
 
 def _with_displacement_velocity(motion: Motion) -> Motion:
@@ -172,12 +145,12 @@ def _with_displacement_velocity(motion: Motion) -> Motion:
 def _observer(
     columns: ObserverColumns, time_column: str, config: RecordingOptions, folder: Path, start: Decimal
 ) -> Motion:
-    file, units = find_log(columns.path, folder, "truth.ego.path"), config.units
-    table = read_table(file, config.format, [time_column, *columns.stated.values()])
-    seconds = table.times(time_column, units.factor("time", columns.units.get("time"))).since(start)
+    file, clock = find_log(columns.path, folder, "truth.ego.path"), _time(time_column)
+    table = read_table(file, config.format, [clock.name, *_names(columns)])
+    seconds = table.times(clock).since(start)
     rows, _ = row_order(seconds, np.zeros(len(seconds), dtype=np.intp))
     time = seconds[rows]
-    value = {key: column[rows] for key, column in _values(table, columns, units, columns.units).items()}
+    value = {key: column[rows] for key, column in _values(table, columns).items()}
     value["heading"] = value.pop("yaw")
     motion = Motion(time, **{**dict.fromkeys(("vx", "vy"), np.zeros(len(time))), **value})
     return _with_displacement_velocity(motion) if columns.without_velocity else motion
@@ -186,14 +159,13 @@ def _observer(
 def _log(
     table: Rows,
     entry: MeasurementColumns,
-    columns: TruthColumns,
+    owner_column: str | None,
     times: Array,
-    units: Units,
     sensor: type[Sensor],
     ids: list[str],
 ) -> Log:
-    measurement, rows = column_measurements(table, entry, units, sensor)
-    owner = _owners(table, entry.object or columns.object, rows, ids, blank=entry.path is not None)
+    measurement, rows = column_measurements(table, entry, sensor)
+    owner = _owners(table, entry.object or owner_column, rows, ids, blank=entry.path is not None)
     alarm = np.flatnonzero(owner < 0)
     alarm = alarm[np.argsort(times[rows[alarm]], kind="stable")]
     measured_rows, owners = rows[owner >= 0], owner[owner >= 0]

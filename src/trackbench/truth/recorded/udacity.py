@@ -13,8 +13,8 @@ from trackbench.base.errors import InputError
 from trackbench.base.numbers import stated_number
 from trackbench.models.sensors import SENSOR_MODELS, sensor_type
 from trackbench.truth import jumps
-from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find_log
+from trackbench.truth.config.recording import RecordingOptions
 from trackbench.truth.jumps import LARGEST
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
 from trackbench.truth.recorded.table_files import log_text
@@ -125,14 +125,12 @@ def parse_lines(text: str, file: Path) -> list[Measurement]:
             item = parse_line(line)
         except InputError as error:
             raise error.located(file=file, line=number) from None
-        if measurements and item.stamp < measurements[-1].stamp:
-            message = f"time runs backwards: {item.stamp} us after {measurements[-1].stamp} us"
-            raise InputError(message, file=file, line=number)
         if measurements and item.stamp - measurements[0].stamp > jumps.LONGEST * 1e6:
             seconds = (item.stamp - measurements[0].stamp) / 1e6
             raise InputError(jumps.why_too_long(seconds), file=file, line=number)
-        if latest.get(item.kind) == item.stamp:
-            raise InputError(f"a second {item.kind} line at {item.stamp} us", file=file, line=number)
+        if measurements and (item.stamp < measurements[-1].stamp or latest.get(item.kind) == item.stamp):
+            message = f"a {item.kind} line at {item.stamp} us is out of order, or the second at this time"
+            raise InputError(message, file=file, line=number)
         latest[item.kind] = item.stamp
         measurements.append(item)
     return measurements
