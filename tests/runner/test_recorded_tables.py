@@ -15,15 +15,15 @@ from trackbench.truth import Draw, LoadedTruth
 from trackbench.truth.sources import RecordingTruth
 
 #: Two cars, at irregular times; the second is seen later. km, km/h and degrees.
-HEAD = ["t_ms", "who", "x_km", "y_km", "vx_kmph", "vy_kmph", "r_km", "az_deg", "rr_kmph"]
+HEAD = ["t_ms", "who", "x_km", "y_km", "v_kmph", "course_deg", "r_km", "az_deg", "rr_kmph"]
 ROWS = [
-    [1000, "a", 0.010, 0.020, 0.0, 36.0, 0.021, 1.5, -18.0],
-    [1030, "a", 0.010, 0.0203, 0.0, 36.0, "", "", ""],
-    [1030, "b", 0.050, 0.000, -72.0, 0.0, 0.051, 190.0, 3.6],
-    [1100, "a", 0.010, 0.021, 0.0, 36.0, 0.022, 2.5, -17.0],
-    [1250, "b", 0.0456, 0.000, -72.0, 0.0, "", "", ""],
+    [1000, "a", 0.010, 0.020, 36.0, 90.0, 0.021, 1.5, -18.0],
+    [1030, "a", 0.010, 0.0203, 36.0, 90.0, "", "", ""],
+    [1030, "b", 0.050, 0.000, 72.0, 180.0, 0.051, 190.0, 3.6],
+    [1100, "a", 0.010, 0.021, 36.0, 90.0, 0.022, 2.5, -17.0],
+    [1250, "b", 0.0456, 0.000, 72.0, 180.0, "", "", ""],
 ]
-MOTION = {"px": "x_km:km", "py": "y_km:km", "vx": "vx_kmph:kmph", "vy": "vy_kmph:kmph"}
+MOTION = {"px": "x_km:km", "py": "y_km:km", "speed": "v_kmph:kmph", "course": "course_deg:deg"}
 COLUMNS = {"time": "t_ms:ms", "object": "who", **MOTION}
 MEASUREMENTS = {"front": {"range": "r_km:km", "azimuth": "az_deg:deg", "range_rate": "rr_kmph:kmph"}}
 

@@ -138,11 +138,11 @@ def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
         ({"truth": {"source": "recording", "format": "csv", "path": "a"}}, "truth.columns: missing: format csv needs"),
         (
             {"truth": {**TABLE, "columns": {"time": "t", "px": "x", "py": "y"}}},
-            "truth.columns: the velocity is missing: write vx and vy",
+            "truth.columns: the velocity is missing: write vx and vy, or speed and course",
         ),
         (
             {"truth": {**TABLE, "columns": {"time": "t", "px": "x", "py": "y", "vx": "u"}}},
-            "truth.columns: a velocity is vx and vy: write both or none",
+            "truth.columns: a velocity is either vx and vy, or speed and course",
         ),
     ],
 )

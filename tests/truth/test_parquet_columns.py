@@ -78,7 +78,7 @@ def test_a_number_of_any_type_is_the_same_number(tmp_path: Path, kind: str, colu
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
 
 
-@pytest.mark.parametrize("column", ["t_ms", "who", "y_km", "vx_kmph"])
+@pytest.mark.parametrize("column", ["t_ms", "who", "y_km", "v_kmph"])
 def test_so_it_is_in_a_log(tmp_path: Path, column: str) -> None:
     file = tmp_path / "log.parquet"
     rows = [list(row) for row in ROWS]

@@ -15,7 +15,7 @@ from trackbench.truth.sources import ScriptedTruth
 # The column of the table's third row, what stands there, and what is said of it.
 CELLS = [
     ("y_km", 1e30, "y_km is '1e+30': it would be 1e+33 m, and -1e+08 to 1e+08 m can be meant: check its unit"),
-    ("vx_kmph", -1e308, "vx_kmph is '-1e+308': it would be -2.78e+307 m/s"),
+    ("v_kmph", -1e308, "v_kmph is '-1e+308': it would be -2.78e+307 m/s"),
     ("az_deg", 1e30, "az_deg is '1e+30': it would be 1.75e+28 rad"),
     ("r_km", 1e6, "r_km is '1000000.0': it would be 1e+09 m"),
     ("t_ms", 1e12, "t_ms: 1e+09 s after the first, and a recording lasts 86400 s at most: check the unit of time"),

@@ -359,7 +359,7 @@ def _recorded_identities(scenario: ScenarioKeys, truth: RecordingTruth) -> Itera
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
         yield Problem(("truth", "path"), message)
     if is_known and truth.columns is not None and truth.columns.without_velocity:
-        yield Problem(("truth", "columns"), "the velocity is missing: write vx and vy")
+        yield Problem(("truth", "columns"), "the velocity is missing: write vx and vy, or speed and course")
     source = truth if is_known else truth.with_hidden_identities()
     unlabelled = [name for name in truth.measurements if source.unlabelled(name)]
     for name, columns in truth.measurements.items():

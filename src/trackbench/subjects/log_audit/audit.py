@@ -154,7 +154,7 @@ def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
 def _audit_recording(loaded: Scenario, recorded: Recorded, progress: Progress) -> LogAudit:
     truth, drive = recorded
     columns = {} if truth.columns is None else truth.columns.stated
-    unit = columns["vx"].unit if "vx" in columns else "mps"
+    unit = next((columns[key].unit for key in ("vx", "speed") if key in columns), "mps")
     bodies = [*drive.motions.items(), *([("observer", drive.observer)] if drive.observer is not None else [])]
     checks = (velocity_check(name, motion, unit) for name, motion in bodies)
     velocities = [check for check in checks if check is not None]

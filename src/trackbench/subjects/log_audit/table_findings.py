@@ -72,8 +72,8 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
     for unit, faults in by_unit.items():
         changes = {}
         if unit is not None and truth.columns is not None:
-            stated = truth.columns.stated
-            changes = {f"truth.columns.{key}": f"{stated[key].name}:{unit}" for key in ("vx", "vy") if key in stated}
+            stated, keys = truth.columns.stated, ("vx", "vy", "speed")
+            changes = {f"truth.columns.{key}": f"{stated[key].name}:{unit}" for key in keys if key in stated}
         names, worst = ", ".join(check.name for check in faults), max(faults, key=lambda check: check.difference)
         yield LogFinding(
             kind="truth_velocity",

@@ -24,12 +24,14 @@ UNITS["size"] = UNITS["length"]
 MOTION_QUANTITIES = {
     **dict.fromkeys(("px", "py"), "length"),
     **dict.fromkeys(("length", "width"), "size"),
-    **dict.fromkeys(("vx", "vy"), "speed"),
-    **dict.fromkeys(("yaw", "heading", "yaw_rate"), "angle"),
+    **dict.fromkeys(("vx", "vy", "speed"), "speed"),
+    **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
 }
 COMPONENT_QUANTITIES = {"m": "length", "m/s": "speed", "rad": "angle"}
 #: The two ways to state a position in a sensor's frame.
 POLAR, CARTESIAN = ("range", "azimuth"), ("x", "y")
+#: The ways to state a velocity; without columns it is computed from the displacement.
+VELOCITY = ((), ("vx", "vy"), ("speed", "course"))
 
 
 class Column(NamedTuple):
@@ -64,6 +66,8 @@ class MotionColumns(Config):
     py: str = Field(description="Position along y in the fixed frame.")
     vx: str | None = Field(None, description="Velocity along x in the fixed frame.")
     vy: str | None = Field(None, description="Velocity along y in the fixed frame.")
+    speed: str | None = Field(None, description="Speed along the course.")
+    course: str | None = Field(None, description="Direction of motion, counter-clockwise from x.")
 
     @property
     def stated(self) -> dict[str, Column]:
@@ -77,11 +81,12 @@ class MotionColumns(Config):
     @property
     def without_velocity(self) -> bool:
         """Whether the columns have positions but no velocity."""
-        return self.vx is None
+        return self.vx is None and self.speed is None
 
     def problems(self) -> Iterator[Problem]:
-        if (self.vx is None) != (self.vy is None):
-            yield Problem((), "a velocity is vx and vy: write both or none")
+        keys = ("vx", "vy", "speed", "course")
+        if tuple(key for key in keys if getattr(self, key) is not None) not in VELOCITY:
+            yield Problem((), "a velocity is either vx and vy, or speed and course")
 
 
 class ObserverColumns(MotionColumns):

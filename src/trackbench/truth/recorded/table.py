@@ -135,7 +135,11 @@ def _names(columns: MotionColumns) -> list[str]:
 
 
 def _values(table: Rows, columns: MotionColumns) -> dict[str, Array]:
-    return {key: table.numbers(column) for key, column in columns.stated.items()}
+    value = {key: table.numbers(column) for key, column in columns.stated.items()}
+    if "speed" in value:
+        speed, course = value.pop("speed"), value.pop("course")
+        value |= {"vx": speed * np.cos(course), "vy": speed * np.sin(course)}
+    return value
 
 
 def _with_displacement_velocity(motion: Motion) -> Motion:
