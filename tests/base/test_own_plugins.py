@@ -68,7 +68,7 @@ def test_they_run_in_one_process_and_in_two_with_the_same_numbers(strange: Path,
         ),
         (":Singer", ":Singr", "trackers.ekf.motion: module '{motion}' has no 'Singr': did you mean 'Singer'?"),
         (":Sonar", ":linalg", "'{sensor}:linalg' is no sensor: it must be a subclass of trackbench.models.sensors."),
-        ("cars: 4", "cars: 40", "truth.cars: 40 is not possible: it should be less than or equal to 20"),
+        ("cars: 4", "cars: 40", "truth.cars: 40 is not possible: it must be at most 20"),
     ],
 )
 def test_mistakes_are_located(strange: Path, cli: Cli, old: str, new: str, message: str) -> None:
@@ -121,7 +121,7 @@ class Gated:
         ({"sigma_cm": 2}, "sigma_cm: unknown key; use sigma_m (metres): 0.02"),
         ({"gate": {"size_cm": 3}}, "gate.size_cm: unknown key; use size_m (metres): 0.03"),
         ({"sigma_m": "3 cm"}, "sigma_m: a number in metres is needed, not '3 cm'"),
-        ({"sigma_m": -1}, "sigma_m: -1 is not possible: it should be greater than 0"),
+        ({"sigma_m": -1}, "sigma_m: -1 is not possible: it must be above 0"),
         ({"count": 1.5}, "count: a whole number is needed, not 1.5"),
         ({"count": 2}, "count: must be odd"),
         ({"on": "maybe"}, "on: true or false is needed, not 'maybe'"),

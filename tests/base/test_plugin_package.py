@@ -201,11 +201,7 @@ MISTAKES = [
         "11: score.metrics.0.use: 'largest_eror' is not known; did you mean 'largest_error'?",
     ),
     ("after_s: 1", "after: 1", "11: score.metrics.0.options.after: unknown key; use after_s (seconds)"),
-    (
-        "alpha: 0.5",
-        "alpha: 2",
-        "9: trackers.gains.options.alpha: 2 is not possible: it should be less than or equal to 1",
-    ),
+    ("alpha: 0.5", "alpha: 2", "9: trackers.gains.options.alpha: 2 is not possible: it must be at most 1"),
     ("use: nearest_position", "use: broken", "9: trackers.gains.use: cannot import 'broken': no module named"),
 ]
 

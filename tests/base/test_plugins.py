@@ -141,7 +141,7 @@ def test_what_cannot_be_found_says_why(tmp_path: Path, write_module: Write, use:
         ({"motion": "cv"}, "acceleration_sigma_mps2: missing"),
         (
             {"motion": "cv", "acceleration_sigma_mps2": -1},
-            "acceleration_sigma_mps2: -1 is not possible: it should be greater than or equal to 0.000000001",
+            "acceleration_sigma_mps2: -1 is not possible: it must be at least 1e-09",
         ),
     ],
 )

@@ -60,7 +60,7 @@ def test_one_of_several_objects_assumes_it_too() -> None:
         ("{rader: {range_sigma_m: 1}}", "the scenario has no sensor 'rader'; did you mean 'radar'"),
         ("{radar: {range_sigma: 1}}", "a radar has no such standard deviation; did you mean 'range_sigma_m'"),
         ("{lidar: {azimuth_sigma_deg: 1}}", "a lidar has no such standard deviation"),
-        ("{radar: {range_sigma_m: 0}}", "it should be greater than or equal to 0.000000001"),
+        ("{radar: {range_sigma_m: 0}}", "it must be at least 1e-09"),
     ],
 )
 def test_what_does_not_fit_is_one_message(tiny: Path, entry: str, message: str) -> None:

@@ -38,7 +38,7 @@ BAD = [
         "functions.fcw.ttc_s: unknown key; choose from: ",
     ),
     ("{use: forward_collision_warning, ttc: 2}", (), "functions.fcw.ttc: unknown key; use ttc_s (seconds)"),
-    ("{use: cut_in, probability: 1}", (), "functions.fcw.probability: 1 is not possible: it should be less than 1"),
+    ("{use: cut_in, probability: 1}", (), "functions.fcw.probability: 1 is not possible: it must be below 1"),
     ("{ttc_s: 2}", (), "functions.fcw.use: missing"),
     (
         FCW,

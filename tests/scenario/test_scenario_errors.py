@@ -62,7 +62,7 @@ BAD = [
             ),
             (
                 "type: interference, per_minute: 1.0e+9, duration_s: 1, detection_factor: 0.5",
-                "per_minute: 1e+09 is not possible: it should be less than or equal to 6000",
+                "per_minute: 1e+09 is not possible: it must be at most 6000",
             ),
             (
                 "type: interference, per_minute: 1, duration_s: 1",
@@ -148,12 +148,12 @@ BAD = [
     (
         "range_sigma_m: 0.3",
         "range_sigma_m: -1",
-        ["14: sensors.front.range_sigma_m: -1 is not possible: it should be greater than or equal to 0.000001"],
+        ["14: sensors.front.range_sigma_m: -1 is not possible: it must be at least 1e-06"],
     ),
     (
         "detection_probability: 0.9",
         "detection_probability: 95",
-        ["17: sensors.front.detection_probability: 95 is not possible: it should be less than or equal to 1"],
+        ["17: sensors.front.detection_probability: 95 is not possible: it must be at most 1"],
     ),
     ("to_s: 6", "to_s: 5", ["18: sensors.front.dropouts.0.to_s: must be later than from_s, which is 5"]),
     ("sensors: [front, roof]", "sensors: []", ["21: trackers.ekf.sensors: must not be empty"]),
@@ -305,7 +305,7 @@ BAD = [
         "rate_hz: fast, position_sigma_m: 0}\ntrackers:\n  ekf: {filter: ekg",
         [
             "19: sensors.roof.rate_hz: a number in Hz is needed, not 'fast'",
-            "19: sensors.roof.position_sigma_m: 0 is not possible: it should be greater than or equal to 0.000001",
+            "19: sensors.roof.position_sigma_m: 0 is not possible: it must be at least 1e-06",
             "21: trackers.ekf.filter: 'ekg' is not known; did you mean 'ekf'?",
         ],
     ),

@@ -85,10 +85,7 @@ def test_missing_file_names_its_nearest_neighbour(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("override", "expected"),
     [
-        (
-            "monte_carlo.runs=0",
-            "--set monte_carlo.runs=0: monte_carlo.runs: 0 is not possible: it should be greater than or equal to 1",
-        ),
+        ("monte_carlo.runs=0", "--set monte_carlo.runs=0: monte_carlo.runs: 0 is not possible: it must be at least 1"),
         (
             "trackers.ekf.sensors.1=rof",
             "--set trackers.ekf.sensors.1=rof: trackers.ekf.sensors.1: the scenario has no sensor 'rof'; "

@@ -105,7 +105,7 @@ def test_its_first_probabilities_are_those_that_the_chain_comes_to():
 @pytest.mark.parametrize(
     ("change", "at", "message"),
     [
-        ({"imm": [CV], "stay_s": [1]}, "motion.imm", "it should have at least 2 items, not 1"),
+        ({"imm": [CV], "stay_s": [1]}, "motion.imm", "at least 2 entries are needed, not 1"),
         (
             {"imm": [CV, {"model": "ca", "acceleration_sigma_mps2": 0.3}], "stay_s": [1, 2]},
             "motion.imm.1.acceleration_sigma_mps2",

@@ -48,7 +48,7 @@ def test_the_scenes_are_counted_from_the_seed_or_listed() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("seeds=0", "0 is not possible: it should be greater than or equal to 1"),
+        ("seeds=0", "0 is not possible: it must be at least 1"),
         ("seeds=2.5", "a whole number is needed, not 2.5"),
         ("seeds=[]", "must not be empty"),
         ("seeds={a: 1}", "write a number of scenes, such as 20, or a list of seeds, such as [3, 5]"),

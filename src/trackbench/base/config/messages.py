@@ -28,6 +28,13 @@ _NEEDED = {
     "string_type": "text",
     "list_type": "a list",
 }
+#: Name of a limit in the context of pydantic's error, and its wording, by the type of the error.
+_LIMITS = {
+    "greater_than": ("gt", "above"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "below"),
+    "less_than_equal": ("le", "at most"),
+}
 
 
 def keyed_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
@@ -118,9 +125,17 @@ def _message(error: ErrorDetails, path: KeyPath, fields: Fields) -> str:
             return f"{shown(value)} is not possible: only a to z, 0 to 9, _ and -"
         case "too_short" | "string_too_short" if context["min_length"] == 1:
             return "must not be empty"
+        case "too_short" | "too_long":
+            least, most = context.get("min_length"), context.get("max_length")
+            limit = f"at least {least}" if most is None else f"at most {most}"
+            return f"{limit} entries are needed, not {context['actual_length']}"
+        case "string_too_long":
+            return f"too long: at most {context['max_length']} characters"
+        case _ if kind in _LIMITS:
+            name, word = _LIMITS[kind]
+            return f"{shown(value)} is not possible: it must be {word} {show(context[name])}"
         case _:
-            needed = re.sub(r"^\w+ should", "it should", error["msg"]).replace(" after validation", "")
-            return f"{shown(value)} is not possible: {needed}"
+            return error["msg"][0].lower() + error["msg"][1:]
 
 
 def _spelling_hint(value: Any, message: str) -> str:
