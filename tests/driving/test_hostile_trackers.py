@@ -340,21 +340,3 @@ def test_a_copy_of_its_process_that_it_forks_does_not_answer(
     assert apart.failed is None
     together = run_tiny(use.replace(":T", ":Same"), folder=tmp_path, isolation=Isolation(in_process=True))["mine"]
     assert apart.metrics["position_rmse"].value == together.metrics["position_rmse"].value
-
-
-def test_a_child_in_a_session_of_its_own_does_not_outlive_the_command(
-    tiny: Path, write_module: Any, trackbench: str
-) -> None:
-    code = (
-        "import subprocess, sys\nclass T:\n    def step(self, state, scan):\n"
-        "        command = [sys.executable, '-c', 'import time; time.sleep(1e6)']\n"
-        "        child = subprocess.Popen(command, start_new_session=True)\n"
-        "        open('left.txt', 'a').write(f'{child.pid} ')\n        raise ValueError\n"
-    )
-    _use(tiny, f"{write_module(tiny.parent, code)}:T")
-    command = [trackbench, "run", "tiny.yaml", "--quiet", "--no-recording"]
-    done = subprocess.run(command, cwd=tiny.parent, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 3, done.stderr
-    for number in (tiny.parent / "left.txt").read_text().split():
-        with pytest.raises(ProcessLookupError):
-            os.kill(int(number), 0)

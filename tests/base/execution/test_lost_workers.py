@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.hostile import OF_THE_BENCH, PLUG_INS, scenario
-
-from trackbench.driving.descendants import descendants
+from tests.support.processes import descendants
 
 WHERE = ["--workers 2", "--cluster local:2"]
 #: By kind of plug-in: what it does in a worker, and how that is told.
