@@ -7,11 +7,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Protocol
 
-from trackbench.base.types import Scan, of_runs, scan_of_run
+import numpy as np
+
+from trackbench.base.streams import stream
+from trackbench.base.types import Array, Scan, of_runs, scan_of_run
 from trackbench.driving.drive import scans_read
 from trackbench.driving.start import start_stepper
 from trackbench.driving.steppers import Offline
-from trackbench.runner.initial_states import with_initial_states
+from trackbench.models.motion import Kinematics
 from trackbench.runner.recorded import OnRecordedRun, RecordedScans
 from trackbench.runner.scored_estimates import EstimateScoring
 from trackbench.runner.scored_tracks import TrackScoring
@@ -21,7 +24,7 @@ from trackbench.sensing.detections import scenes_side_by_side, sense_hidden
 from trackbench.sensing.scans import Measurements, sense_known
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import SmoothedTracker
+from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 
 
 class Batch(Protocol):
@@ -67,7 +70,7 @@ class KnownIdentities:
     def start(self, name: str) -> Any:
         """Return a fresh tracker; one with a smoother gets all scans of the runs at once."""
         work, entry = self._work, self._work.driven(name)
-        with_states = partial(with_initial_states, work, self._piece)
+        with_states = partial(_with_initial_states, work, self._piece)
         if isinstance(entry, FilterConfig) and entry.smoother is not None:
             tracker = SmoothedTracker(with_states(replace(build(entry).tracker, engine=work.engine_here)))
             return Offline(tracker, list(scans_read(self.measurements.scans, entry.sensors_used)))
@@ -147,3 +150,33 @@ def batches_of(work: Work, group: Sequence[BlockRuns]) -> tuple[Sequence[Batch],
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:
     members = slice(run, None, scan.valid.size // objects)
     return scan._replace(measurement=scan.measurement[:, members].copy(), valid=scan.valid[members].copy())
+
+
+def _with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker) -> FilterTracker:
+    """Return the tracker with initial states drawn around the truth, if its tracks start from the truth."""
+    scene, runs = work.scenes[piece.scene], piece.runs
+    truth = scene.truth
+    # The start must not depend on sensors that the tracker does not read.
+    sensor_steps = [sensor.steps for sensor in scene.sensors if tracker.advances(sensor.name)]
+    if not tracker.starts_from_truth or not sensor_steps:
+        return tracker
+    instants = np.unique(np.concatenate(sensor_steps))
+    objects = np.arange(len(truth.ids))
+    first = instants[np.argmax(truth.alive[instants], axis=0)]
+    shape = (len(objects), len(runs))
+
+    def at_start(values: Array) -> Array:
+        start = of_runs(values[first, objects], runs)
+        return np.broadcast_to(start, shape).reshape(-1)
+
+    fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
+    motion = Kinematics(*(at_start(values) for values in fields))
+    size = max(6, *(len(motion.components) for motion in tracker.filter.motions))
+    draws = [
+        stream(work.seed, work.noise_of(piece.scene), run, "initial state").standard_normal((size, len(objects)))
+        for run in runs
+    ]
+    normal = np.stack(draws, axis=-1).reshape(size, -1)
+    when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
+    times = np.broadcast_to(when[:, None], shape).reshape(-1)
+    return tracker.with_prior(times, motion, normal)

@@ -11,10 +11,13 @@ from typing import Any, Self
 
 import numpy as np
 
+from trackbench.base.streams import stream
 from trackbench.base.types import SAME_TIME, Indices, Scan
 from trackbench.driving.cross_check import CrossCheckedTracker
 from trackbench.driving.drive import Delivery, DriveStep, deliveries
 from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.isolation import plugged_in
+from trackbench.driving.start import start_stepper
 from trackbench.driving.steppers import ForeignTracker, Offline
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
@@ -23,13 +26,14 @@ from trackbench.results import Failure
 from trackbench.runner.batches import Batch
 from trackbench.runner.recorded import OnRecordedRun, Outcome
 from trackbench.runner.scored_estimates import EstimateScoring
-from trackbench.runner.second_drive import with_second_drive
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.filtered import FilterTracker
 
 #: Largest number of instants in one sequence of kernel calls.
 INSTANTS = 64
+#: Number of runs of the second drive of a tracker that is not batched.
+RUNS = 2
 
 
 class TrackerRun:
@@ -83,7 +87,7 @@ class TrackerRun:
             self.tracker = self._started = self.batch.start(self.name)
             self.random = is_random(self.tracker)
             if self._twice:
-                self.tracker = with_second_drive(self._work, self.batch, self.name, self.tracker)
+                self.tracker = _with_second_drive(self._work, self.batch, self.name, self.tracker)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -202,3 +206,24 @@ class TrackerRun:
         object, run = (None, None) if fault.member is None else self._scoring.place(fault.member)
         where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
         self.failure = self._work.failure(self._piece, fault, run, **where)
+
+
+def _with_second_drive(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
+    """Wrap a plug-in so that a second drive checks it; built-in trackers and random ones are returned as they are.
+
+    In the second drive a batched tracker gets half of the batch, permuted; any other gets two runs in reverse order.
+    """
+    config, (piece,) = work.driven(name), batch.pieces
+    if not plugged_in(config) or is_random(tracker):
+        return tracker
+    random = stream(work.seed, work.noise_of(piece.scene), piece.runs.start, "second drive")
+    if tracker.batched:
+        order = random.permutation(batch.members)[batch.members // 2 :]
+    else:
+        runs = len(piece.runs)
+        chosen = np.sort(random.permutation(runs)[:RUNS])
+        # Members are numbered by object, then run.
+        order = np.concatenate([np.arange(0, batch.members, runs) + run for run in chosen])[::-1]
+    options = work.isolation, batch.multi_object, work.sensors
+    start = partial(start_stepper, config, work.folder, len(order), work.prepare_tracker, *options)
+    return CrossCheckedTracker(tracker, start, order)
