@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -27,34 +27,11 @@ from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 
 
-class Batch(Protocol):
-    """Runs that a tracker processes together: of one scene, or of several with the same times of measurement."""
-
-    pieces: Sequence[BlockRuns]
-    measurements: Measurements
-    """Measurements of all runs, block after block."""
-    multi_object: bool
-    """Whether the tracker follows several objects. A member of the batch is then one run, otherwise one object in one
-    run."""
-
-    @property
-    def members(self) -> int:
-        """Number of members of the batch, each with a state of its own in the tracker."""
-
-    def start(self, name: str) -> Any:
-        """Return a fresh tracker for all members of the batch."""
-
-    def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring | TrackScoring:
-        """Return the object that scores a tracker's answers; ``observe`` may get the recorded run."""
-
-    def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run; None if that run is in another batch."""
-
-
 class KnownIdentities:
-    """Runs of one scene in which each measurement names its object; a member is one object in one run."""
+    """Batch of runs of one scene in which each measurement names its object; a member is one object in one run."""
 
     multi_object = False
+    """Whether the tracker follows several objects."""
 
     def __init__(self, work: Work, piece: BlockRuns) -> None:
         self._work, self._piece, self._scene = work, piece, work.scenes[piece.scene]
@@ -93,7 +70,7 @@ class KnownIdentities:
 
 
 class HiddenIdentities:
-    """Runs of one or more scenes in which no detection names its object; a member is one run."""
+    """Batch of runs in which no detection names its object, of scenes with the same times; a member is one run."""
 
     multi_object = True
 
@@ -132,6 +109,10 @@ class HiddenIdentities:
             [origins[scan.valid[:, run], run] for scan, origins in pairs],
             of_runs(self._work.scenes[piece.scene].due.status, range(number, number + 1))[..., 0],
         )
+
+
+#: Runs that a tracker processes together, block after block, with their measurements.
+Batch = KnownIdentities | HiddenIdentities
 
 
 def batches_of(work: Work, group: Sequence[BlockRuns]) -> tuple[Sequence[Batch], Sequence[Batch]]:

@@ -50,7 +50,7 @@ class EstimateScoring:
         config, scene = work.trackers[name], work.scenes[piece.scene]
         self._name, self._piece, self._scene, self._recorded_run = name, piece, scene, work.recorded_in(piece)
         self._target, self._observe = targets.of(config), observe
-        self._scorer = Scorer(
+        self.scorer = Scorer(
             self._target,
             targets.conditions(config),
             {sensor.name: len(sensor.steps) for sensor in scene.sensors},
@@ -73,16 +73,6 @@ class EstimateScoring:
                 self._of_sensor.append(taken[scan.sensor])
                 taken[scan.sensor] += 1
 
-    @property
-    def waits(self) -> bool:
-        """Whether estimates were taken that are not scored yet."""
-        return self._scorer.waits
-
-    @property
-    def chunk(self) -> int:
-        """Number of instants that are scored together."""
-        return self._scorer.chunk
-
     def take(self, step: DriveStep[Estimate | None], _: object = None) -> None:
         """Score the tracker's answer to a scan, with its mode probabilities, and keep the recorded estimates.
 
@@ -90,8 +80,8 @@ class EstimateScoring:
             Fault: the estimate cannot be scored, or the number of modes has changed.
         """
         self._has_answered = True
-        self._scorer.take(step)
-        latest = step.answer or self._scorer.no_estimate
+        self.scorer.take(step)
+        latest = step.answer or self.scorer.no_estimate
         recorded = self._recorded_members
         if step.number is not None and self._recorded is not None:
             white = whitened_innovation(latest, recorded)
@@ -121,7 +111,7 @@ class EstimateScoring:
         from trackbench.runner.sequence_run import run_sequence
 
         scans = [[delivery.scan for delivery in group] for group in instants]
-        taken = run_sequence(tracker, state, scans, self._scorer, first, self._recorded_run)
+        taken = run_sequence(tracker, state, scans, self.scorer, first, self._recorded_run)
         if taken is None:
             return None
         self._keep_sequence(taken, first, [delivery.number for group in instants for delivery in group])
@@ -136,7 +126,7 @@ class EstimateScoring:
         """
         if self._name in self._work.external_tracks:
             self._take_external()
-        outcome = Outcome(self._scorer.close(), self._recorded, self._modes)
+        outcome = Outcome(self.scorer.close(), self._recorded, self._modes)
         if outcome.scores.due.sum() > 0 and not outcome.scores.given:
             raise Fault("it gave no estimate at all", len(self._target.time) - 1, None)
         return [outcome]

@@ -180,13 +180,13 @@ class TrackerRun:
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
         if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0
-        if self._scoring.waits:
+        if self._scoring.scorer.waits:
             return 0
         instants = self._deliveries[instant : instant + INSTANTS]
         taken = self._scoring.take_sequence(self.tracker, self.state, instants, instant)
         if taken is None:
             # Mostly a single instant is the reason: single steps lead past it.
-            self._step_by_step_until = instant + self._scoring.chunk
+            self._step_by_step_until = instant + self._scoring.scorer.chunk
             return 0
         self.state, count = taken
         return count
