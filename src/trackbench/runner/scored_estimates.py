@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Gaussian, Scan
-from trackbench.driving.drive import Delivery, DriveStep, deliveries
+from trackbench.driving.drive import Delivery, deliveries
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Scorer
@@ -73,26 +74,26 @@ class EstimateScoring:
                 self._of_sensor.append(taken[scan.sensor])
                 taken[scan.sensor] += 1
 
-    def take(self, step: DriveStep[Estimate | None], _: object = None) -> None:
+    def take(self, delivery: Delivery, answer: Estimate | None, seconds: float = math.nan, _: object = None) -> None:
         """Score the tracker's answer to a scan, with its mode probabilities, and keep the recorded estimates.
 
         Raises:
             Fault: the estimate cannot be scored, or the number of modes has changed.
         """
         self._has_answered = True
-        self.scorer.take(step)
-        latest = step.answer or self.scorer.no_estimate
+        self.scorer.take(delivery, answer, seconds)
+        latest = answer or self.scorer.no_estimate
         recorded = self._recorded_members
-        if step.number is not None and self._recorded is not None:
+        if delivery.number is not None and self._recorded is not None:
             white = whitened_innovation(latest, recorded)
             if white is not None:
-                self._keep_nis(step.number, step.scan, white)
-        if not step.last:
+                self._keep_nis(delivery.number, delivery.scan, white)
+        if not delivery.last:
             return
         if latest.mode_probabilities is not None:
-            self._take_modes(step.instant, latest.mode_probabilities)
+            self._take_modes(delivery.instant, latest.mode_probabilities)
         if self._recorded is not None:
-            self._keep_recorded(step.instant, latest.mean[:, recorded], latest.covariance[:, :, recorded])
+            self._keep_recorded(delivery.instant, latest.mean[:, recorded], latest.covariance[:, :, recorded])
 
     def take_sequence(
         self, tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Delivery]], first: int
@@ -134,10 +135,10 @@ class EstimateScoring:
     def _take_external(self) -> None:
         mean, covariance = external_estimates(self._work, self._piece, self._name, self._measurements)
         groups = deliveries(self._measurements.scans, [], self._scene.each_measurement)
-        for instant, group in enumerate(groups):
-            for place, delivery in enumerate(group):
-                estimate = Estimate(mean[:, instant].reshape(4, -1), covariance[:, :, instant].reshape(4, 4, -1))
-                self.take(DriveStep(instant, *delivery, estimate, math.nan, place == len(group) - 1))
+        for delivery in chain.from_iterable(groups):
+            instant = delivery.instant
+            estimate = Estimate(mean[:, instant].reshape(4, -1), covariance[:, :, instant].reshape(4, 4, -1))
+            self.take(delivery, estimate)
 
     def failed(self, instant: int) -> None:
         """Tell the observer that the tracker failed and has no estimates from this instant on."""

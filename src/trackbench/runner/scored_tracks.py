@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from trackbench.base.types import Tracks
-from trackbench.driving.drive import DriveStep
+from trackbench.driving.drive import Delivery
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.metrics.protocol import Fault
 from trackbench.metrics.traffic.scorer import SceneRuns, TrackScorer
@@ -34,9 +34,11 @@ class TrackScoring:
             name, self._time, measurements, _scene_runs(work, pieces), work.metrics, work.track_score, ends, counted
         )
 
-    def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
+    def take(
+        self, delivery: Delivery, answer: Tracks, seconds: float, predicted: Callable[[int], Tracks] | None = None
+    ) -> None:
         """Add the tracker's answer to a scan; ``predicted`` returns a built-in tracker's predicted tracks in a run."""
-        self._scorer.take(step, predicted)
+        self._scorer.take(delivery, answer, seconds, predicted)
 
     def close(self) -> list[Outcome]:
         """Score all tracks, and return the tracker's outcome in each block of runs.

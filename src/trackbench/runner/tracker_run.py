@@ -14,7 +14,7 @@ import numpy as np
 from trackbench.base.streams import stream
 from trackbench.base.types import SAME_TIME, Indices, Scan
 from trackbench.driving.cross_check import CrossCheckedTracker
-from trackbench.driving.drive import Delivery, DriveStep, deliveries
+from trackbench.driving.drive import Delivery, deliveries
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.isolation import plugged_in
 from trackbench.driving.start import start_stepper
@@ -68,7 +68,7 @@ class TrackerRun:
         self._scene = work.scenes[self._piece.scene]
         self._time = self._scene.truth.time[work.scored_steps(self._scene)]
         self._scoring = batch.scoring(name, observe)
-        self._delivery: tuple[int, Delivery, bool] | None = None
+        self._delivery: Delivery | None = None
         self._began = 0.0
         self._step_by_step_until = 0
         self._metric_error: Exception | None = None
@@ -78,7 +78,7 @@ class TrackerRun:
     @property
     def done(self) -> float:
         """Share of the instants that the tracker has reached."""
-        return 0.0 if self._delivery is None else (self._delivery[0] + 1) / max(len(self._time), 1)
+        return 0.0 if self._delivery is None else (self._delivery.instant + 1) / max(len(self._time), 1)
 
     def __enter__(self) -> Self:
         try:
@@ -118,26 +118,26 @@ class TrackerRun:
                 taken = instant + self._take_sequence(instant)
             if instant < taken:
                 continue
-            for place, delivery in enumerate(group):
+            for delivery in group:
                 if self.failure is not None:
                     return
-                self._delivery = instant, delivery, place == len(group) - 1
+                self._delivery = delivery
                 arguments = self._arguments(delivery)
                 self._began = time.perf_counter() - seconds_on_kernels(self._work.engine_here)
                 yield arguments
 
     def take(self, answer: Any) -> None:
         """Score the tracker's answer to the arguments that the iteration yielded last."""
-        assert self._delivery is not None
+        delivery = self._delivery
+        assert delivery is not None
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
-        instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self.tracker, Offline) else seconds
-        step = DriveStep(instant, *delivery, answer, seconds, last)
-        if last and self._work.keeps_answers:
+        if delivery.last and self._work.keeps_answers:
             self.answers.append(answer)
         predicts = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
+        predicted = partial(self.tracker.predicted, self.state) if predicts else None
         try:
-            self._scoring.take(step, partial(self.tracker.predicted, self.state) if predicts else None)
+            self._scoring.take(delivery, answer, seconds, predicted)
         except Fault as fault:
             self._fail_at(fault)
         except Exception as error:
@@ -193,7 +193,7 @@ class TrackerRun:
 
     def _note_error(self, error: BaseException) -> None:
         fault, begun = fault_of(error), self._delivery is not None
-        instant, sensor = (0, None) if self._delivery is None else (self._delivery[0], self._delivery[1].scan.sensor)
+        instant, sensor = (0, None) if not self._delivery else (self._delivery.instant, self._delivery.scan.sensor)
         hint = self._scoring.hint(fault) if begun else ""
         if hint:
             fault = TrackFault(f"{fault.cause} ({hint})", fault.kind, fault.place, fault.member)
