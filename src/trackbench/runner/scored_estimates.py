@@ -18,7 +18,7 @@ from trackbench.metrics import Scorer
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.protocol import Fault
-from trackbench.runner.external_estimates import external_estimates
+from trackbench.runner.external_run import ExternalRows, external_estimates
 from trackbench.runner.recorded import ModeSums, OnRecordedRun, Outcome, RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
@@ -133,7 +133,8 @@ class EstimateScoring:
         return [outcome]
 
     def _take_external(self) -> None:
-        mean, covariance = external_estimates(self._work, self._piece, self._name, self._measurements)
+        rows = ExternalRows(self._work, self._piece, self._name, self._measurements)
+        mean, covariance = external_estimates(rows, self._scene, len(self._piece.runs))
         groups = deliveries(self._measurements.scans, [], self._scene.each_measurement)
         for delivery in chain.from_iterable(groups):
             instant = delivery.instant

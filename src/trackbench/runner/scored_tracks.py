@@ -11,7 +11,7 @@ from trackbench.driving.drive import Delivery
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.metrics.protocol import Fault
 from trackbench.metrics.traffic.scorer import SceneRuns, TrackScorer
-from trackbench.runner.external_run import ExternalHistories
+from trackbench.runner.external_run import ExternalHistories, ExternalRows
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
@@ -47,7 +47,9 @@ class TrackScoring:
             Fault: a track of a built-in tracker, whose answers are not checked step by step, is not finite.
         """
         if self._name in self._work.external_tracks:
-            histories = ExternalHistories(self._work, self._piece, self._name, self._measurements)
+            assert self._work.track_score is not None
+            rows = ExternalRows(self._work, self._piece, self._name, self._measurements)
+            histories = ExternalHistories(rows, self._work.track_score.cutoff)
             (scored,) = self._scorer.close(histories.of_run)
             return [Outcome(*scored, offset=histories.offsets, external_rows=histories.counts)]
         for instant, tracks in enumerate(self._scorer.tracks_at):
