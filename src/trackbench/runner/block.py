@@ -126,7 +126,7 @@ def _answer_records(work: Work, batch: Batch, name: str, answers: Sequence[Any])
     records, first = dict[BlockRuns, list[Record]](), 0
     for piece in batch.pieces:
         scene = work.scenes[piece.scene]
-        time = scene.truth.time[work.scored_steps(scene)]
+        time = scene.truth.time[scene.instants()]
         records[piece] = []
         for number, run in enumerate(piece.runs, first):
             columns = _of_tracks(answers, number) if work.hidden else _of_objects(answers, number, batch, scene.truth)

@@ -136,7 +136,8 @@ class PendingRun:
         self._is_local = []
         for group in self._groups:
             call = of_scenes(tuple(dict.fromkeys(piece.scene for piece in group))), group
-            is_local = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
+            is_observed = observed and any(work.recorded_in(piece) is not None for piece in group)
+            is_local = is_observed or (alone and len(self._groups) == 1)
             self._is_local.append(is_local)
             (local_calls if is_local else executor_calls).append(call)
         observers = self._advance, self._observe if observed else None

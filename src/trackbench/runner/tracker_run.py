@@ -21,6 +21,7 @@ from trackbench.driving.start import start_stepper
 from trackbench.driving.steppers import ForeignTracker, Offline
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
+from trackbench.engine.machine import unavailable
 from trackbench.metrics.protocol import Fault
 from trackbench.results import Failure
 from trackbench.runner.batches import Batch
@@ -66,7 +67,7 @@ class TrackerRun:
         """Whether the tracker declares that it draws random numbers; set inside the context."""
         self._work, self._piece, self._twice = work, batch.pieces[0], twice
         self._scene = work.scenes[self._piece.scene]
-        self._time = self._scene.truth.time[work.scored_steps(self._scene)]
+        self._time = self._scene.truth.time[self._scene.instants()]
         self._scoring = batch.scoring(name, observe)
         self._delivery: Delivery | None = None
         self._began = 0.0
@@ -100,7 +101,9 @@ class TrackerRun:
         if isinstance(self._started, ForeignTracker):
             self._started.close()
         elif self._started is not None:
-            self.engine = self._work.engine_of(getattr(self._started, "engine_used", None))
+            self.engine = getattr(self._started, "engine_used", None)
+            if self.engine is not None and self._work.engine != self._work.engine_here:
+                self.engine = self.engine._replace(why_numpy=unavailable() or "")
         passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._metric_error)
         if error is not None and not passed_on:
             self._note_error(error)
@@ -204,8 +207,15 @@ class TrackerRun:
 
     def _fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         object, run = (None, None) if fault.member is None else self._scoring.place(fault.member)
-        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
-        self.failure = self._work.failure(self._piece, fault, run, **where)
+        self.failure = Failure(
+            cause=fault.cause,
+            place=fault.place,
+            step=instant,
+            time_s=float(self._time[instant]),
+            sensor=sensor,
+            object=object,
+            run=None if run is None else self._work.number(self._piece.scene, self._piece.runs[run]),
+        )
 
 
 def _with_second_drive(work: Work, batch: Batch, name: str, tracker: Any) -> Any:

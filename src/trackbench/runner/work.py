@@ -12,10 +12,8 @@ import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Indices, RecordedNoise, Truth
-from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, choose_engine
-from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
@@ -23,7 +21,6 @@ from trackbench.metrics.reference import entry_velocity, typical_acceleration
 from trackbench.metrics.registry import metrics_for, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS, TrafficScoreOptions
 from trackbench.models.sensors import Sensor
-from trackbench.results import Failure
 from trackbench.runner.external_tracks import rows_of_files
 from trackbench.runner.scene import Scene
 from trackbench.scenario import Scenario, ScenarioConfig
@@ -147,12 +144,6 @@ class Work:
         """Engine used on this machine: the chosen one, or NumPy where that one is missing."""
         return "numpy" if self.engine == "numpy" or unavailable() else "fused"
 
-    def engine_of(self, used: EngineUsed | None) -> EngineUsed | None:
-        """Return the engine ``used`` (None unless built in), with the reason if NumPy replaces the chosen one."""
-        if used is None or self.engine == self.engine_here:
-            return used
-        return used._replace(why_numpy=unavailable() or "")
-
     def pieces(self) -> list[BlockRuns]:
         """Cut the runs into blocks, each with twice as many runs as the block before it, up to a largest size.
 
@@ -205,11 +196,6 @@ class Work:
         """Return the text by which a scene's random numbers are seeded, beside seed, run and sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
 
-    def failure(self, piece: BlockRuns, fault: TrackFault, run: int | None, **where: Any) -> Failure:
-        """Return a tracker's failure as a result holds it; ``run`` counts from the first run of the block."""
-        number = None if run is None else self.number(piece.scene, piece.runs.start + run)
-        return Failure(cause=fault.cause, place=fault.place, run=number, **where)
-
     @property
     def headline(self) -> str:
         """Name of the metric that ranks trackers."""
@@ -240,31 +226,19 @@ class Work:
         return self.runs == 1 and (len(self.scenes) == 1 or (recorded and len(self.scenes) < FEWEST_SCENES))
 
     @property
-    def longest_scene(self) -> Scene:
-        """Scene with the most instants."""
-        return max(self.scenes, key=lambda scene: len(scene.instants()))
-
-    @property
     def longest_time(self) -> Array:
         """Times of the instants of the scene with the most instants, s."""
-        return self.longest_scene.truth.time[self.longest_scene.instants()]
+        return max((scene.truth.time[scene.instants()] for scene in self.scenes), key=len)
 
     def of_scenes(self, scenes: Collection[int]) -> Work:
         """Return the work for some scenes only; the first of them takes the place of all others."""
         first = self.scenes[min(scenes)]
         return replace(self, scenes=[each if number in scenes else first for number, each in enumerate(self.scenes)])
 
-    def scored_steps(self, scene: Scene) -> Indices:
-        """Return the indices of the truth's steps at which estimates are scored."""
-        return scene.instants() if not self.hidden else scene.due.steps
-
     def recorded_in(self, piece: BlockRuns) -> int | None:
         """Return the number of the recorded run within a block; None if that run is in another block."""
-        return self.recorded_run - piece.runs.start if self.has_recorded_run(piece) else None
-
-    def has_recorded_run(self, piece: BlockRuns) -> bool:
-        """Return whether a block contains the recorded run."""
-        return piece.scene == self.recorded_scene and self.recorded_run in piece.runs
+        is_here = piece.scene == self.recorded_scene and self.recorded_run in piece.runs
+        return self.recorded_run - piece.runs.start if is_here else None
 
     @property
     def late_sensors(self) -> list[str]:
