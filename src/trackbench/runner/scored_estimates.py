@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from functools import partial
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.track_steps import TrackState
-
-if TYPE_CHECKING:
-    from trackbench.runner.sequence_run import SequenceResult
 
 #: Starts of the messages of errors that arise from an array with too few axes.
 OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack")
@@ -115,8 +111,17 @@ class EstimateScoring:
         taken = run_sequence(tracker, state, scans, self.scorer, first, self._recorded_run)
         if taken is None:
             return None
-        self._keep_sequence(taken, first, [delivery.number for group in instants for delivery in group])
-        return taken.sequence.state(), taken.steps[-1].instant + 1
+        sequence, recorded = taken
+        numbers = [delivery.number for group in instants for delivery in group]
+        for place, (step, number) in enumerate(zip(sequence.steps, numbers, strict=False)):
+            instant, probability = first + step.instant, sequence.probability(place)
+            if step.last and probability is not None:
+                self._take_modes(instant, probability)
+            if recorded is not None and step.last:
+                self._keep_recorded(instant, *recorded.estimate(place))
+            if recorded is not None and number is not None and step.reads:
+                self._keep_nis(number, step.scan, recorded.whitened(place))
+        return sequence.state(), sequence.steps[-1].instant + 1
 
     def close(self) -> list[Outcome]:
         """Return the tracker's outcome in its one block, as a list.
@@ -160,16 +165,6 @@ class EstimateScoring:
     @property
     def _recorded_members(self) -> slice:
         return slice(self._recorded_run, None, len(self._piece.runs))
-
-    def _keep_sequence(self, taken: SequenceResult, first: int, numbers: Sequence[int | None]) -> None:
-        for place, (step, number) in enumerate(zip(taken.steps, numbers, strict=False)):
-            instant, probability = first + step.instant, taken.probability(place)
-            if step.last and probability is not None:
-                self._take_modes(instant, probability)
-            if taken.recorded is not None and step.last:
-                self._keep_recorded(instant, *taken.recorded.estimate(place))
-            if taken.recorded is not None and number is not None and step.reads:
-                self._keep_nis(number, step.scan, taken.recorded.whitened(place))
 
     def _take_modes(self, instant: int, probability: Array) -> None:
         self._modes = self._modes or ModeSums(len(probability), self._target, self._recorded_run)
