@@ -22,8 +22,7 @@ from trackbench.runner.external_tracks import (
     truth_at,
     why_other_scans,
 )
-from trackbench.runner.scene import Scene
-from trackbench.runner.work import BlockRuns, Work
+from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import Measurements, fingerprint_of
 from trackbench.truth.config.traffic import TracksConfig, files_in
 from trackbench.truth.tracks import SAME_STAMP_S, TrackRows

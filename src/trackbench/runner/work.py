@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,15 +18,22 @@ from trackbench.engine.choice import Engine, EngineName, choose_engine
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
-from trackbench.metrics.reference import entry_velocity, typical_acceleration
+from trackbench.metrics.reference import (
+    ConditionalBound,
+    Information,
+    entry_velocity,
+    information,
+    typical_acceleration,
+)
 from trackbench.metrics.registry import metrics_for, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS, TrafficScoreOptions
 from trackbench.models.sensors import Sensor
 from trackbench.runner.external_tracks import rows_of_files
-from trackbench.runner.scene import Scene
 from trackbench.scenario import Scenario, ScenarioConfig
 from trackbench.scenario.keys import TrackerEntry
-from trackbench.sensing.scans import ideal_sensors
+from trackbench.sensing.due import Due, find_due
+from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.sensing.scored_point import ScoredPoint, truth_of_point
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.late import LateScans
 from trackbench.truth import LoadedTruth
@@ -42,6 +50,50 @@ BATCH_SIZE, LARGEST_BATCH = 2000, 8000
 LARGEST_TOGETHER = 1000
 #: Members times instants of a block with a smoother, which keeps the filter's beliefs: some 100 MB.
 LARGEST_SMOOTHED = 250_000
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One ground truth with the noise-free measurements of its sensors."""
+
+    truth: Truth
+    sensors: list[IdealSensor]
+    each_measurement: bool = False
+    """Whether trackers are scored after each scan, and not once for all scans of one instant."""
+    point: ScoredPoint = "centre"
+    """Point of each body that estimates are compared with."""
+
+    @cached_property
+    def scored(self) -> Truth:
+        """True motion of the scored point of each body."""
+        return truth_of_point(self.truth, self.point)
+
+    def instants(self) -> Indices:
+        """Return the indices of the truth's steps at which trackers are scored: all steps with a measurement."""
+        if not self.sensors:
+            return np.arange(len(self.truth.time))
+        steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))
+        return steps if self.each_measurement else np.unique(steps)
+
+    @cached_property
+    def information(self) -> dict[str, Information]:
+        """Fisher information on the targets in each sensor's measurements, by sensor."""
+        return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
+
+    @cached_property
+    def bounds(self) -> dict[Hashable, ConditionalBound]:
+        """Cache of Cramér-Rao bounds, by the sensors that a tracker reads and how its tracks start."""
+        return {}
+
+    @property
+    def unlabelled(self) -> list[str]:
+        """Names of the sensors with recorded detections that are not labelled with objects."""
+        return [sensor.name for sensor in self.sensors if sensor.detections is not None]
+
+    @cached_property
+    def due(self) -> Due:
+        """Which objects must be tracked, may be tracked or are absent at each instant, with hidden identities."""
+        return find_due(self.truth, self.sensors)
 
 
 class BlockRuns(NamedTuple):
