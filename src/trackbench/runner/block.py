@@ -42,14 +42,6 @@ class Block:
     random: frozenset[str] = frozenset()
     """Names of the plug-ins that declare that they draw random numbers."""
 
-    def add(self, tracker: TrackerRun, outcome: Outcome | Failure, engine: EngineUsed | None) -> None:
-        """Add a tracker's outcome, its engine, and whether it draws random numbers."""
-        self.outcomes[tracker.name] = outcome
-        if engine is not None:
-            self.engines[tracker.name] = engine
-        if tracker.random:
-            self.random |= {tracker.name}
-
     @property
     def recorded(self) -> dict[str, RecordedEstimates | RecordedTracks]:
         """Estimates or tracks in the recorded run, by name of the tracker; empty if that run is in another block."""
@@ -114,10 +106,12 @@ class Blocks:
         if run.answers and not isinstance(outcomes, Failure):
             answers = _answer_records(self._work, run.batch, run.name, run.answers)
         for place, piece in enumerate(run.batch.pieces):
-            outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
-            engine = run.engine if run.engine is None or place == 0 else run.engine._replace(again=0)
             block = next(block for block in self.blocks if block.piece == piece)
-            block.add(run, outcome, engine)
+            block.outcomes[run.name] = outcomes if isinstance(outcomes, Failure) else outcomes[place]
+            if run.engine is not None:
+                block.engines[run.name] = run.engine if place == 0 else run.engine._replace(again=0)
+            if run.random:
+                block.random |= {run.name}
             block.answers += answers.get(piece, [])
 
 
