@@ -173,7 +173,7 @@ def test_exit_status_and_message(
     done = cli("run", "tiny.yaml", "--set", f"trackers.mine.use={module}:T", "--set", expect)
     assert done.status == 3, "a failed tracker counts more than its failed expectation"
     place = f"{module}.py:{code.count(chr(10)) + 1}, in step"
-    assert f"mine FAILED: OSError: no licence ({place}, step 0, 0.00 s, sensor radar, run 0, object v1)" in " ".join(
+    assert f"FAILED mine: OSError: no licence ({place}, step 0, 0.00 s, sensor radar, run 0, object v1)" in " ".join(
         done.out.split()
     )
     assert done.err == ""

@@ -42,7 +42,7 @@ def test_a_plug_in_that_ends_workers_ends_the_run(run: Run, tmp_path: Path, wher
     act, cause = ACTS[kind]
     done = run(kind, act, where)
     how = cause if "workers" in where else ""
-    message = f"trackbench: no result: the process of a worker ended{how}; "
+    message = f"trackbench: no result: the process of a worker ended{how}, "
     assert done.stderr.splitlines()[-1].startswith(message)
     assert "Traceback" not in done.stderr
     assert (done.returncode, done.stdout) == (2, "")
