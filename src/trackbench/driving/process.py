@@ -83,7 +83,9 @@ class ForkServer:
 
     def _close(self) -> None:
         self._control.close()
-        self.process.wait()
+        # A fork of this process may keep the server alive.
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(ENDING)
 
 
 _fork_servers: dict[int, ForkServer] = {}
@@ -134,8 +136,6 @@ class TrackerProcess:
         reading, self._out = os.pipe()
         self._in, writing = os.pipe()
         self._reports, reporting = os.pipe()
-        # Without a reader of its reports the tracker is ended.
-        self._end = weakref.finalize(self, _close, self._out, self._in, self._reports)
         try:
             fork_server().start(command, folder, (reporting, reading, writing, _outputs[-1]))
         except OSError as error:
@@ -146,6 +146,7 @@ class TrackerProcess:
         if not number:
             raise TrackbenchError(NOT_STARTED)
         (self._number,) = NUMBER.unpack(number)
+        self._end = weakref.finalize(self, _end, self._number, self._reports, self._in, self._out)
         os.set_blocking(self._out, False)
         self._readable, self._writable = _poll(self._in, select.POLLIN), _poll(self._out, select.POLLOUT)
 
@@ -275,6 +276,14 @@ def _poll(descriptor: int, event: int) -> select.poll:
 
 def _shown_bytes(content: bytes | bytearray) -> str:
     return repr(bytes(content[:SHOWN])).removeprefix("b")
+
+
+def _end(process: int, reports: int, *pipes: int) -> None:
+    # Without a reader of its reports a tracker is ended, too; but a fork of this process may have the pipe as well.
+    if not _poll(reports, select.POLLIN).poll(0):
+        with suppress(ProcessLookupError):
+            os.killpg(os.getpgid(process), signal.SIGKILL)
+    _close(reports, *pipes)
 
 
 def _close(*descriptors: int) -> None:
