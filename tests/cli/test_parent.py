@@ -13,8 +13,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.hostile import OF_THE_BENCH, scenario
-
-from trackbench.driving.descendants import descendants
+from tests.support.processes import descendants
 
 PLUGINS = """\
 import ctypes, os, subprocess, sys, threading, time

@@ -14,12 +14,12 @@ from typing import Any
 from uuid import uuid4
 
 import pytest
+from tests.support.processes import children, descendants
 
-from trackbench.driving.descendants import children, descendants
 from trackbench.driving.isolation import Isolation, container_memory
 from trackbench.results import Result
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="orphans are adopted on Linux")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are told by /proc")
 
 #: How long a test waits on a busy machine, s.
 PATIENCE = 240.0
@@ -35,7 +35,7 @@ score: {settle_s: 0}
 monte_carlo: {runs: 2, seed: 7}
 """
 
-DAEMONS = """\
+CHILDREN = """\
 import os, time
 
 class Mine:
@@ -44,10 +44,7 @@ class Mine:
     def step(self, state, scan):
         for _ in range(%d):
             if os.fork() == 0:
-                os.setsid()
-                if os.fork() == 0:
-                    time.sleep(1e6)
-                os._exit(0)
+                time.sleep(1e6)
         open("under_way", "w").close()
         %s
 """
@@ -56,8 +53,7 @@ class Mine:
 VICTIMS = {
     "parent": lambda run, server: run,
     "bench": lambda run, server: children(run)[0],
-    "fork server": lambda run, server: server,
-    "tracker": lambda run, server: children(server)[0],
+    "tracker": lambda run, server: children(children(server)[0])[0],
 }
 
 
@@ -123,7 +119,7 @@ def none_left(mark: str) -> bool:
 def test_nothing_outlives_a_run_of_which_a_process_is_killed(
     begin: Any, tmp_path: Path, options: str, victim: str
 ) -> None:
-    run, mark = begin(DAEMONS % (60, "time.sleep(1e6)"), *options.split())
+    run, mark = begin(CHILDREN % (60, "time.sleep(1e6)"), *options.split())
     limit = time.monotonic() + PATIENCE
     while not (tmp_path / "under_way").exists():
         assert time.monotonic() < limit
@@ -144,26 +140,19 @@ def test_nothing_outlives_a_run_of_which_a_process_is_killed(
 @pytest.mark.slow
 @pytest.mark.parametrize("options", ["", "--workers 2", "--cluster local:2"])
 def test_nothing_outlives_a_run_that_ends(begin: Any, tmp_path: Path, options: str) -> None:
-    run, mark = begin(DAEMONS % (6, "return 0, None"), *options.split())
+    run, mark = begin(CHILDREN % (6, "return 0, None"), *options.split())
     _, err = run.communicate(timeout=PATIENCE)
     assert run.returncode == 3, err
     assert none_left(mark)
     assert list((tmp_path / "scratch").iterdir()) == []
 
 
-EATING = {
-    "itself": "self.kept = np.ones(int(1e8))",
-    "in_children": "[os.fork() or (np.ones(int(3e7)), time.sleep(1e6)) for _ in range(4)]; time.sleep(1e6)",
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("where", EATING)
 def test_a_tracker_that_takes_too_much_memory_is_named(
-    run_tiny: Callable[..., Result], tmp_path: Path, write_module: Any, where: str
+    run_tiny: Callable[..., Result], tmp_path: Path, write_module: Any
 ) -> None:
-    head = "import os, time\nimport numpy as np\nclass T:\n    batched = True\n    def step(self, state, scan):\n"
-    code = f"{head}        {EATING[where]}\n"
+    head = "import numpy as np\nclass T:\n    batched = True\n    def step(self, state, scan):\n"
+    code = f"{head}        self.kept = np.ones(int(1e8))\n"
     isolation = Isolation(timeout=30.0, memory=0.5)
     result = run_tiny(f"trackers.mine.use={write_module(tmp_path, code)}:T", folder=tmp_path, isolation=isolation)
     failed = result["mine"].failed

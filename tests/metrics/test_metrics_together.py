@@ -19,9 +19,8 @@ from trackbench.results import MetricValue
 from trackbench.results.scenario_summary import MarginSummary
 from trackbench.runner.evaluated import evaluate_trackers
 from trackbench.runner.loop import run_block
-from trackbench.runner.scene import Scene
 from trackbench.runner.targets import Targets
-from trackbench.runner.work import BlockRuns
+from trackbench.runner.work import BlockRuns, Scene
 from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.config import PluginConfig
 

@@ -73,7 +73,7 @@ def test_a_sequence_gives_the_scores_of_its_steps(monkeypatch: pytest.MonkeyPatc
 
     def counted(*arguments: Any) -> Any:
         taken = through(*arguments)
-        instants[0] += 0 if taken is None else taken.steps[-1].instant + 1
+        instants[0] += 0 if taken is None else taken[0].steps[-1].instant + 1
         return taken
 
     monkeypatch.setattr(sequence_run, "run_sequence", counted)

@@ -20,8 +20,7 @@ from trackbench.models.sensors.detection import Clutter
 from trackbench.results import Failure
 from trackbench.runner.loop import run_blocks
 from trackbench.runner.recorded import Outcome
-from trackbench.runner.scene import Scene
-from trackbench.runner.work import BlockRuns, Work
+from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.multi import MultiObjectTracker, association

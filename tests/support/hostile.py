@@ -74,7 +74,6 @@ class metric(Metric):
     def finish(self, sums): return 0.0
 """
 SLEEPER = "[sys.executable, '-c', 'import time; time.sleep(600)']"
-DAEMON = "if os.fork() == 0:\n        os.setsid()\n        if os.fork() == 0: time.sleep(600)\n        os._exit(0)"
 FORGED = (
     "os.makedirs('results/plugged', exist_ok=True); open('results/plugged/result.json', 'w').write('{}'); os._exit(0)"
 )
@@ -111,8 +110,6 @@ ACTS = {
     "terminates": "os.kill(os.getpid(), signal.SIGTERM)",
     "hangs_up": "os.kill(os.getpid(), signal.SIGHUP)",
     "leaves_a_child": f"subprocess.Popen({SLEEPER})",
-    "leaves_a_child_of_its_own_session": f"subprocess.Popen({SLEEPER}, start_new_session=True)",
-    "leaves_a_daemon": DAEMON,
     "leaves_a_thread": "threading.Thread(target=time.sleep, args=(600,), daemon=True).start()",
     "closes_all_files": "os.closerange(3, 4096)",
     "moves_away": "os.chdir('/')",

@@ -13,8 +13,7 @@ from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import MetricValue
 from trackbench.runner.block import Block
 from trackbench.runner.loop import run_block
-from trackbench.runner.scene import Scene
-from trackbench.runner.work import BlockRuns, ReferenceMotion, Work
+from trackbench.runner.work import BlockRuns, ReferenceMotion, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig

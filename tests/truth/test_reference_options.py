@@ -14,8 +14,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedMeasurements, Truth
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.runner.scene import Scene
-from trackbench.runner.work import work_of
+from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden

@@ -119,7 +119,7 @@ def run_scenarios(scenarios: Sequence[Scenario], plan: RunPlan, executor: Execut
     ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or os.cpu_count() or 1
 
     def start(item: Prepared) -> Callable[..., Result]:
-        options = {"observed": listener.observes, "alone": len(prepared) == 1}
+        options: Any = {"observed": listener.observes, "alone": len(prepared) == 1}
         return PendingRun(item.scenario, item.truths, executor, plan.isolation, plan.engine, **options).collect
 
     waiting, begun = deque(prepared), deque[Callable[..., Result]]()

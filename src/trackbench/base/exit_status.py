@@ -1,7 +1,9 @@
-"""Exit statuses of the command line other than 0 and 1, which the README explains."""
+"""Ends of processes, and exit statuses of the command line other than 0 and 1, which the README explains."""
 
 from __future__ import annotations
 
+import os
+import select
 import signal
 
 BAD_INPUT = 2
@@ -20,3 +22,12 @@ def how_it_ended(code: int) -> str:
         return f"its process ended itself, with status {code}"
     names = {number.value: f" ({number.name})" for number in signal.Signals}
     return f"its process was killed by signal {-code}{names.get(-code, '')}"
+
+
+def end_without_reader(pipe: int) -> None:
+    """Wait until nobody can read a pipe any more; then end the process group of this process."""
+    unread = select.poll()
+    # That is an error, for which no event needs to be asked.
+    unread.register(pipe, 0)
+    unread.poll()
+    os.killpg(0, signal.SIGKILL)

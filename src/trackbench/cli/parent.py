@@ -11,9 +11,10 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from threading import Thread
 from typing import NoReturn
 
-from trackbench.base.exit_status import FAULT, INTERRUPTED
+from trackbench.base.exit_status import FAULT, INTERRUPTED, end_without_reader
 
 #: Options of commands that run no plug-in, or that need no process between them and a debugger.
 WITHOUT_PARENT = {"--help", "-h", "--version", "--in-process"}
@@ -34,13 +35,11 @@ def is_wanted(arguments: Sequence[str]) -> bool:
 def run_in_child(command: Callable[[], int]) -> NoReturn:
     """Run a command in a child process, in a process group of its own, and end with its status."""
     receiving, telling = os.pipe()
-    parent, child = os.getpid(), os.fork()
+    child = os.fork()
     if child == 0:
         os.setpgid(0, 0)
-        # Imported here: the process that waits does without it.
-        from trackbench.driving.descendants import end_with_parent
-
-        end_with_parent(parent, signal.SIGKILL)
+        os.close(receiving)
+        Thread(target=end_without_reader, args=(telling,), daemon=True).start()
         status = command()
         os.write(telling, bytes([status]))
         sys.exit(status)

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import SAME_TIME, Scan
 
-Answer = TypeVar("Answer")
-
 
 class Delivery(NamedTuple):
     """Scan to give to a tracker, with its index and whether the tracker uses its sensor."""
 
+    instant: int
+    """Index of the instant at which the answer is asked for."""
     scan: Scan
     number: int | None
     """Index of the scan in acquisition order; None if the scan only asks for an estimate."""
     read: bool
     """Whether the tracker uses the scan's sensor."""
+    last: bool = False
+    """Whether the answer is the last one of its instant, which is scored."""
 
 
 def empty_scan(scan: Scan) -> Scan:
@@ -54,38 +56,22 @@ def deliveries(
     on_its_way = sorted(range(len(scans)), key=lambda number: (scans[number].arrival_time, scans[number].time))
     on_its_way.reverse()
     limit = 1 if each_measurement and not has_late_scans else len(scans)
-    for _, group in groupby(scans, key=id if each_measurement else lambda scan: scan.time):
+    for instant, (_, group) in enumerate(groupby(scans, key=id if each_measurement else lambda scan: scan.time)):
         latest = list(group)[-1]
-        instant = latest.time
         delivered: list[Delivery] = []
-        while on_its_way and len(delivered) < limit and scans[on_its_way[-1]].arrival_time <= instant + SAME_TIME:
+        while on_its_way and len(delivered) < limit and scans[on_its_way[-1]].arrival_time <= latest.time + SAME_TIME:
             number = on_its_way.pop()
             scan = scans[number]
             is_read = sensors is None or scan.sensor in sensors
             if is_read or not has_late_scans:
-                delivered.append(Delivery(scan if is_read else empty_scan(scan), number, is_read))
-        if has_late_scans and (not delivered or delivered[-1].scan.time != instant):
-            delivered.append(Delivery(empty_scan(latest)._replace(arrival_time=instant, asked=True), None, False))
+                delivered.append(Delivery(instant, scan if is_read else empty_scan(scan), number, is_read))
+        if has_late_scans and (not delivered or delivered[-1].scan.time != latest.time):
+            asking = empty_scan(latest)._replace(arrival_time=latest.time, asked=True)
+            delivered.append(Delivery(instant, asking, None, False))
+        delivered[-1] = delivered[-1]._replace(last=True)
         yield delivered
 
 
 def scans_read(scans: Iterable[Scan], sensors: Collection[str] | None) -> Iterator[Scan]:
     """Yield the scans, without detections if their sensor is not among ``sensors``; None stands for all sensors."""
     return (scan if sensors is None or scan.sensor in sensors else empty_scan(scan) for scan in scans)
-
-
-class DriveStep(NamedTuple, Generic[Answer]):
-    """One step of a tracker: the given scan's index, the answer and the time that it took."""
-
-    instant: int
-    """Index of the instant at which the answer is asked for."""
-    scan: Scan
-    number: int | None
-    """Index of the scan in acquisition order; None if the scan only asks for an estimate."""
-    read: bool
-    """Whether the tracker uses the scan's sensor."""
-    answer: Answer
-    seconds: float
-    """Time that the step took without the compilation of kernels, s; NaN for a smoother, which has no single steps."""
-    last: bool
-    """Whether this answer is the last one of its instant, which is scored."""

@@ -22,8 +22,6 @@ LENGTH = struct.Struct("<I")
 #: Largest number of bytes of a frame. Printed text read as a length gives more, since its bytes are 9 or larger.
 LARGEST = 1 << 27
 FLOAT = np.dtype("<f8")
-#: Error handler for incomplete characters, as in the name of a file or in an error of a tracker.
-ANY_TEXT = "surrogatepass"
 #: Arrays of a scan in a message: one tracker's own, and shared by all trackers.
 OWN_ARRAYS, SHARED_ARRAYS = ("measurement", "valid"), ("noise_covariance", "sensor_pose", "sensor_velocity")
 #: Arrays of an answer; the arrays after the covariance are optional.
@@ -59,7 +57,8 @@ def _packable(value: Any) -> Any:
     raise TypeError(f"{str(value)[:40]} ({type(value).__name__}) is no value of MessagePack")
 
 
-_pack = msgpack.Packer(default=_packable).pack
+# Errors and names of files may have characters that are not whole.
+_pack = msgpack.Packer(default=_packable, unicode_errors="replace").pack
 
 
 def message_frame(message: Mapping[str, Any]) -> bytes:
@@ -68,17 +67,8 @@ def message_frame(message: Mapping[str, Any]) -> bytes:
     Raises:
         TypeError, ValueError, OverflowError: MessagePack cannot store a value of the message.
     """
-    content = _packed_map(message)
+    content: bytes = _pack(message)
     return LENGTH.pack(len(content)) + content
-
-
-def _packed_map(message: Mapping[str, Any]) -> bytes:
-    try:
-        content: bytes = _pack(message)
-    except UnicodeEncodeError:
-        # The error handler takes twice the time.
-        content = msgpack.packb(message, default=_packable, unicode_errors=ANY_TEXT)
-    return content
 
 
 def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
@@ -88,10 +78,7 @@ def frame_message(content: bytes | bytearray | memoryview) -> dict[str, Any]:
         NotAFrame: the content is no MessagePack map.
     """
     try:
-        try:
-            message = msgpack.unpackb(content, strict_map_key=False)
-        except UnicodeDecodeError:
-            message = msgpack.unpackb(content, strict_map_key=False, unicode_errors=ANY_TEXT)
+        message = msgpack.unpackb(content, strict_map_key=False, unicode_errors="replace")
     except Exception as error:
         raise NotAFrame(f"no MessagePack ({type(error).__name__})") from error
     if type(message) is not dict:
@@ -128,7 +115,7 @@ def scan_frames(numbers: Sequence[int], scans: Sequence[Scan]) -> list[bytes]:
             pose, shared = scan.sensor_pose, _shared_entries(scan)
         own_entries = {"id": number, "measurement": packed_array(scan.measurement), "valid": packed_array(scan.valid)}
         # The first byte of a map of at most 15 entries is their number, which the shared start already states.
-        content = shared + _packed_map(own_entries)[1:]
+        content = shared + _pack(own_entries)[1:]
         frames.append(LENGTH.pack(len(content)) + content)
     return frames
 
@@ -143,7 +130,8 @@ def _shared_entries(scan: Scan) -> bytes:
         volume = math.nan if view.volume is None else view.volume
         entries["field_of_view"] = packed_array([view.half_angle, view.max_range, volume])
     header: bytes = msgpack.Packer().pack_map_header(len(entries) + len(OWN_ARRAYS) + 1)
-    return header + _packed_map(entries)[1:]
+    shared: bytes = header + _pack(entries)[1:]
+    return shared
 
 
 def message_scan(message: Mapping[str, Any]) -> Scan:

@@ -36,7 +36,7 @@ class Isolation:
     timeout: float = 300.0
     """Longest time that a tracker may take for a step, s."""
     memory: float | None = None
-    """Limit on the resident memory of a tracker and its descendants, GB; None for a quarter of the container's."""
+    """Limit on the resident memory of a tracker's process, GB; None for a quarter of the container's."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= LONGEST:

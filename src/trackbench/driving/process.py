@@ -4,41 +4,39 @@ from __future__ import annotations
 
 import atexit
 import os
-import pickle
 import select
 import signal
-import socket
 import struct
 import subprocess
 import sys
 import time
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing import Pipe
+from multiprocessing.reduction import send_handle
+from pathlib import Path
+from threading import Lock
 from typing import Any, BinaryIO
-from uuid import uuid4
 
-from trackbench.base import notebook_classes
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.exit_status import how_it_ended
-from trackbench.base.types import Progress
 from trackbench.base.user_code import place_in_dump
-from trackbench.driving.descendants import descendants, end_marked, memory_of
 from trackbench.driving.faults import Kind, TrackFault, reported_error
-from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, frame_message, message_frame
+from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, frame_message
 from trackbench.driving.isolation import GIGABYTE, Isolation
 
-#: Environment variable that marks every tracker's process, and variables withheld from trackers.
-INSIDE, HIDDEN = "TRACKBENCH_TRACKER_PROCESS", ("TRACKBENCH_DATA", "PYTEST_CURRENT_TEST")
+#: Environment variable that marks every tracker's process.
+INSIDE = "TRACKBENCH_TRACKER_PROCESS"
 #: Start of the command of a tracker in Python.
 HOST = [sys.executable, "-m", "trackbench.driving.host"]
-#: Report of the fork server on a process: its id and, once it has ended, its status as in ``os.waitpid``.
+#: Report on a tracker's process: its id and, once it has ended, its status as in ``os.waitpid``.
 NUMBER = struct.Struct("<i")
 NOT_STARTED = "no process can be started for a tracker"
 #: Period at which the bench checks the time and memory of a process that it waits for, s.
 GLANCE = 0.1
-#: Longest time for writing the stack of an aborted process, for a start and for an end, s.
-DUMPING, STARTING, ENDING = 1.0, 60.0, 10.0
+#: Longest time for writing the stack of an aborted process, and for an end, s.
+DUMPING, ENDING = 1.0, 10.0
 #: Bytes read at once. A larger read allocates its memory from the system, which takes 20 us.
 READ = 1 << 16
 #: First bytes of a MessagePack map, and characters shown of an answer that is no frame.
@@ -51,17 +49,15 @@ class ForkServer:
     """Client of the server process that forks the processes of trackers."""
 
     def __init__(self) -> None:
-        self._control, theirs = socket.socketpair()
-        self._mark = f"{INSIDE}={uuid4()}"
+        self._lock = Lock()
+        self._control, theirs = Pipe()
         serve = f"from trackbench.driving.fork_server import serve; serve({theirs.fileno()})"
-        output = 2 if os.path.exists("/dev/fd/2") else subprocess.DEVNULL
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path}; {serve}"],
-                env=self._environment(),
                 stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
+                # Trackers inherit Python's standard output, and print to standard error.
+                stdout=2,
                 pass_fds=[theirs.fileno()],
                 # Ctrl-C is for the bench, which ends the trackers.
                 start_new_session=True,
@@ -74,34 +70,27 @@ class ForkServer:
         Args:
             command: program and arguments.
             folder: working directory.
-            descriptors: file descriptors for the process's reports, standard input and standard output.
+            descriptors: file descriptors for the process's reports, standard input, standard output and standard error.
 
         Raises:
-            TrackbenchError: the server does not accept the request.
+            OSError: the server has ended.
         """
-        launch = {"command": command, "folder": folder, "path": sys.path, "environment": self._environment()}
-        try:
-            socket.send_fds(self._control, [message_frame(launch)], [*descriptors, *_outputs[-1:]])
-        except OSError as error:
-            raise TrackbenchError(NOT_STARTED) from error
-
-    def _environment(self) -> dict[str, str]:
-        return {name: value for name, value in os.environ.items() if name not in HIDDEN} | dict([self._mark.split("=")])
+        environment = {**os.environ, INSIDE: "1"}
+        with self._lock:
+            self._control.send({"command": command, "folder": folder, "path": sys.path, "environment": environment})
+            for descriptor in descriptors:
+                send_handle(self._control, descriptor, self.process.pid)
 
     def _close(self) -> None:
         self._control.close()
-        try:
+        # A fork of this process may keep the server alive.
+        with suppress(subprocess.TimeoutExpired):
             self.process.wait(ENDING)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-        if self.process.wait() < 0:
-            # A killed server leaves processes behind, which the mark in their environment identifies.
-            end_marked(self._mark)
 
 
 _fork_servers: dict[int, ForkServer] = {}
-#: Descriptors of files for the output of trackers; the last one replaces standard error.
-_outputs: list[int] = []
+#: Descriptors of files for what trackers print; the last one is in use.
+_outputs = [2]
 
 
 def fork_server() -> ForkServer:
@@ -148,16 +137,17 @@ class TrackerProcess:
         self._in, writing = os.pipe()
         self._reports, reporting = os.pipe()
         try:
-            fork_server().start(command, folder, (reporting, reading, writing))
+            fork_server().start(command, folder, (reporting, reading, writing, _outputs[-1]))
+        except OSError as error:
+            raise TrackbenchError(NOT_STARTED) from error
         finally:
-            for descriptor in (reading, writing, reporting):
-                os.close(descriptor)
-        number = self._reported(STARTING)
-        if number is None:
+            _close(reading, writing, reporting)
+        number = os.read(self._reports, NUMBER.size)
+        if not number:
             raise TrackbenchError(NOT_STARTED)
+        (self._number,) = NUMBER.unpack(number)
+        self._end = weakref.finalize(self, _end, self._number, self._reports, self._in, self._out)
         os.set_blocking(self._out, False)
-        self._number = number
-        self._end = weakref.finalize(self, _end, number, self._reports, (self._out, self._in))
         self._readable, self._writable = _poll(self._in, select.POLLIN), _poll(self._out, select.POLLOUT)
 
     def close(self) -> None:
@@ -207,24 +197,6 @@ class TrackerProcess:
             raise reported_error(answer, self.members, self._name)
         return answer
 
-    def work(self, function: str, arguments: Mapping[str, Any], progress: Progress) -> Any:
-        """Call a function of trackbench in a Python tracker's process; return its result.
-
-        Args:
-            function: ``module:name``; it must report progress, or end, within the time limit of an answer.
-            arguments: arguments of the function, texts and numbers only.
-            progress: called with each progress report.
-
-        Raises:
-            TrackFault: the process has ended, is late, or wrote no valid answer.
-            InputError: the tracker cannot be found or does not take its options.
-        """
-        classes = notebook_classes.dumps(None)
-        self.send(message_frame({"type": "work", "function": function, "arguments": arguments, "classes": classes}))
-        while (answer := self.receive()).get("type") == "progress":
-            progress(answer["done"], answer["expected"])
-        return pickle.loads(answer["pickled"])
-
     def failed(self, cause: str, kind: Kind = "answer", place: str | None = None) -> TrackFault:
         """End the process if it still runs; return the fault with a cause, for the caller to raise."""
         self._end()
@@ -248,7 +220,7 @@ class TrackerProcess:
             if now < self._next_glance:
                 continue
             self._next_glance = now + GLANCE
-            self._taken = memory_of([self._number, *descendants(self._number)], self._most)
+            self._taken = _resident_memory(self._number)
             if self._taken > self._most or (not is_ready and self._ended_within(0.0)):
                 raise self._ended()
             if now >= self._until:
@@ -256,7 +228,7 @@ class TrackerProcess:
 
     def _late(self) -> TrackFault:
         # Makes Python's faulthandler write the stack.
-        with suppress(ProcessLookupError, PermissionError):
+        with suppress(ProcessLookupError):
             os.kill(self._number, signal.SIGABRT)
         self._ended_within(DUMPING)
         cause = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
@@ -289,16 +261,11 @@ class TrackerProcess:
         return place_in_dump(self._received.decode(errors="replace"))
 
     def _ended_within(self, seconds: float) -> bool:
-        if self._status is None:
-            self._status = self._reported(seconds)
+        if self._status is None and _poll(self._reports, select.POLLIN).poll(1000 * seconds):
+            content = os.read(self._reports, NUMBER.size)
+            # A tracker that kills its group kills the process that reports, too.
+            self._status = NUMBER.unpack(content)[0] if content else int(signal.SIGKILL)
         return self._status is not None
-
-    def _reported(self, seconds: float) -> int | None:
-        """Return the fork server's next report, an id or exit status; SIGKILL if the server has ended."""
-        if not _poll(self._reports, select.POLLIN).poll(1000 * seconds):
-            return None
-        content = os.read(self._reports, NUMBER.size)
-        return NUMBER.unpack(content)[0] if content else int(signal.SIGKILL)
 
 
 def _poll(descriptor: int, event: int) -> select.poll:
@@ -311,15 +278,21 @@ def _shown_bytes(content: bytes | bytearray) -> str:
     return repr(bytes(content[:SHOWN])).removeprefix("b")
 
 
-def _end(process: int, reports: int, files: Sequence[int]) -> None:
-    for file in files:
-        os.close(file)
-    reported = _poll(reports, select.POLLIN)
-    if not reported.poll(0):
-        for number in (*descendants(process), process):
-            with suppress(ProcessLookupError, PermissionError):
-                os.kill(number, signal.SIGKILL)
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process, signal.SIGKILL)
-        reported.poll(1000 * ENDING)
-    os.close(reports)
+def _end(process: int, reports: int, *pipes: int) -> None:
+    # Without a reader of its reports a tracker is ended, too; but a fork of this process may have the pipe as well.
+    if not _poll(reports, select.POLLIN).poll(0):
+        with suppress(ProcessLookupError):
+            os.killpg(os.getpgid(process), signal.SIGKILL)
+    _close(reports, *pipes)
+
+
+def _close(*descriptors: int) -> None:
+    for descriptor in descriptors:
+        os.close(descriptor)
+
+
+def _resident_memory(process: int) -> int:
+    try:
+        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0

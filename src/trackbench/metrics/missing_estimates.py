@@ -46,7 +46,7 @@ def _held(
 ) -> Iterator[Array]:
     latest, taken = np.full((2, scans[0].valid.size), np.nan), np.full(scans[0].valid.size, -np.inf)
     for delivered in deliveries(scans, each_measurement=each_measurement):
-        for scan, number, _ in delivered:
+        for _, scan, number, *_ in delivered:
             if number is not None and (sensors is None or scan.sensor in sensors):
                 measured = position(number)
                 newer = scan.valid & (scan.time >= taken) & ~np.isnan(measured[0])

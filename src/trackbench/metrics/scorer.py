@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
-from trackbench.driving.drive import DriveStep
+from trackbench.driving.drive import Delivery
 from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.metrics.built_in import BUILT_IN
@@ -100,15 +100,15 @@ class Scorer:
         if self.kernels is not None:
             self.chunk = min(self.chunk, BEFORE_SEQUENCES)
 
-    def take(self, step: DriveStep[Estimate | None]) -> None:
-        """Score the tracker's answer to a scan; call it for each scan in order.
+    def take(self, delivery: Delivery, answer: Estimate | None, seconds: float = math.nan) -> None:
+        """Score the tracker's answer to a scan, which took some seconds; call it for each scan in order.
 
         Raises:
             Fault: an estimate cannot be scored.
         """
-        estimate = step.answer or self.no_estimate
-        self.scan(step.instant, step.scan, estimate, step.seconds)
-        if step.last:
+        estimate = answer or self.no_estimate
+        self.scan(delivery.instant, delivery.scan, estimate, seconds)
+        if delivery.last:
             self.estimate(estimate)
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:

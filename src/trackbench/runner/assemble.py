@@ -9,11 +9,13 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trackbench.base.config.key_units import SPELLINGS
 from trackbench.base.errors import counted
+from trackbench.base.subjects import collected
 from trackbench.base.types import Array, Truth
 from trackbench.engine.equations import EngineUsed, joined_engines
 from trackbench.metrics import BUILT_IN, Metric
@@ -21,6 +23,7 @@ from trackbench.metrics.differences import MOST_PAIRED, Family, tracker_differen
 from trackbench.metrics.evaluate import log_broken
 from trackbench.models.sensors import Sensor
 from trackbench.results import Result, Summary, Tables, difference_table
+from trackbench.results.columns import table_of
 from trackbench.results.scenario_summary import (
     MarginSummary,
     MetricSummary,
@@ -33,8 +36,10 @@ from trackbench.results.scenario_summary import (
     sentence_on_point,
 )
 from trackbench.runner.block import Block
+from trackbench.runner.estimate_records import records_of_estimates
 from trackbench.runner.evaluated import Evaluated, evaluate_trackers, judge
-from trackbench.runner.tables import result_tables
+from trackbench.runner.shared_records import other_truth, road_records, truth_records
+from trackbench.runner.track_records import records_of_tracks
 from trackbench.runner.tracker_entry import headline_sums, tracker_entry
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
@@ -42,6 +47,9 @@ from trackbench.scenario.worlds import MEANING
 from trackbench.sensing.scans import fingerprint_of, scan_rate
 from trackbench.truth import LoadedTruth
 from trackbench.truth.base import Recorded
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 log = logging.getLogger(__name__)
 
@@ -152,7 +160,7 @@ def assemble(
         passed=all(item.passed for item in expectations) and not suspect,
         artifacts={},
     )
-    tables = result_tables(work, blocks, scores)
+    tables = _tables(work, blocks, scores)
     return Result(summary, Tables({**tables, "differences": difference_table(pairs)}))
 
 
@@ -287,3 +295,23 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
         "motion": [scene_fingerprint(item.truth, item.measurements) for item in truths],
     }
     return TruthSummary.model_validate({**truth.source, **entries})
+
+
+def _tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> dict[str, pa.Table]:
+    """Return every table of a run, by name."""
+    truth = work.scenes[work.recorded_scene].truth
+    block = next(block for block in blocks if block.recorded_scans is not None)
+    assert block.recorded_scans is not None
+    recorded: dict[str, Any] = {name: item for name, item in block.recorded.items() if name in evaluated.evaluations}
+    if work.hidden:
+        records = records_of_tracks(work, blocks, evaluated, block.recorded_scans, recorded)
+    else:
+        records = records_of_estimates(work, evaluated, block.recorded_scans, recorded)
+    records |= {
+        "truth": truth_records(truth, work.recorded_run),
+        **other_truth(work),
+        "roads": road_records(truth),
+        **dict(collected("records", work, evaluated, recorded)),
+        **({"answers": [record for block in blocks for record in block.answers]} if work.keeps_answers else {}),
+    }
+    return {name: table_of(parts) for name, parts in records.items()}

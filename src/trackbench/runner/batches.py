@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
-from trackbench.base.types import Scan, of_runs, scan_of_run
+import numpy as np
+
+from trackbench.base.streams import stream
+from trackbench.base.types import Array, Scan, of_runs, scan_of_run
 from trackbench.driving.drive import scans_read
 from trackbench.driving.start import start_stepper
 from trackbench.driving.steppers import Offline
-from trackbench.runner.initial_states import with_initial_states
+from trackbench.models.motion import Kinematics
 from trackbench.runner.recorded import OnRecordedRun, RecordedScans
 from trackbench.runner.scored_estimates import EstimateScoring
 from trackbench.runner.scored_tracks import TrackScoring
@@ -21,37 +24,14 @@ from trackbench.sensing.detections import scenes_side_by_side, sense_hidden
 from trackbench.sensing.scans import Measurements, sense_known
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import SmoothedTracker
-
-
-class Batch(Protocol):
-    """Runs that a tracker processes together: of one scene, or of several with the same times of measurement."""
-
-    pieces: Sequence[BlockRuns]
-    measurements: Measurements
-    """Measurements of all runs, block after block."""
-    multi_object: bool
-    """Whether the tracker follows several objects. A member of the batch is then one run, otherwise one object in one
-    run."""
-
-    @property
-    def members(self) -> int:
-        """Number of members of the batch, each with a state of its own in the tracker."""
-
-    def start(self, name: str) -> Any:
-        """Return a fresh tracker for all members of the batch."""
-
-    def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring | TrackScoring:
-        """Return the object that scores a tracker's answers; ``observe`` may get the recorded run."""
-
-    def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the scans of the recorded run; None if that run is in another batch."""
+from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 
 
 class KnownIdentities:
-    """Runs of one scene in which each measurement names its object; a member is one object in one run."""
+    """Batch of runs of one scene in which each measurement names its object; a member is one object in one run."""
 
     multi_object = False
+    """Whether the tracker follows several objects."""
 
     def __init__(self, work: Work, piece: BlockRuns) -> None:
         self._work, self._piece, self._scene = work, piece, work.scenes[piece.scene]
@@ -67,7 +47,7 @@ class KnownIdentities:
     def start(self, name: str) -> Any:
         """Return a fresh tracker; one with a smoother gets all scans of the runs at once."""
         work, entry = self._work, self._work.driven(name)
-        with_states = partial(with_initial_states, work, self._piece)
+        with_states = partial(_with_initial_states, work, self._piece)
         if isinstance(entry, FilterConfig) and entry.smoother is not None:
             tracker = SmoothedTracker(with_states(replace(build(entry).tracker, engine=work.engine_here)))
             return Offline(tracker, list(scans_read(self.measurements.scans, entry.sensors_used)))
@@ -90,7 +70,7 @@ class KnownIdentities:
 
 
 class HiddenIdentities:
-    """Runs of one or more scenes in which no detection names its object; a member is one run."""
+    """Batch of runs in which no detection names its object, of scenes with the same times; a member is one run."""
 
     multi_object = True
 
@@ -131,6 +111,10 @@ class HiddenIdentities:
         )
 
 
+#: Runs that a tracker processes together, block after block, with their measurements.
+Batch = KnownIdentities | HiddenIdentities
+
+
 def batches_of(work: Work, group: Sequence[BlockRuns]) -> tuple[Sequence[Batch], Sequence[Batch]]:
     """Return the batches for plug-ins, one per block of runs, and the batches for built-in trackers.
 
@@ -147,3 +131,33 @@ def batches_of(work: Work, group: Sequence[BlockRuns]) -> tuple[Sequence[Batch],
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:
     members = slice(run, None, scan.valid.size // objects)
     return scan._replace(measurement=scan.measurement[:, members].copy(), valid=scan.valid[members].copy())
+
+
+def _with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker) -> FilterTracker:
+    """Return the tracker with initial states drawn around the truth, if its tracks start from the truth."""
+    scene, runs = work.scenes[piece.scene], piece.runs
+    truth = scene.truth
+    # The start must not depend on sensors that the tracker does not read.
+    sensor_steps = [sensor.steps for sensor in scene.sensors if tracker.advances(sensor.name)]
+    if not tracker.starts_from_truth or not sensor_steps:
+        return tracker
+    instants = np.unique(np.concatenate(sensor_steps))
+    objects = np.arange(len(truth.ids))
+    first = instants[np.argmax(truth.alive[instants], axis=0)]
+    shape = (len(objects), len(runs))
+
+    def at_start(values: Array) -> Array:
+        start = of_runs(values[first, objects], runs)
+        return np.broadcast_to(start, shape).reshape(-1)
+
+    fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
+    motion = Kinematics(*(at_start(values) for values in fields))
+    size = max(6, *(len(motion.components) for motion in tracker.filter.motions))
+    draws = [
+        stream(work.seed, work.noise_of(piece.scene), run, "initial state").standard_normal((size, len(objects)))
+        for run in runs
+    ]
+    normal = np.stack(draws, axis=-1).reshape(size, -1)
+    when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
+    times = np.broadcast_to(when[:, None], shape).reshape(-1)
+    return tracker.with_prior(times, motion, normal)

@@ -6,15 +6,19 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from trackbench.base.types import Estimate, Tracks
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.traffic.scorer import RecordedTracks
 from trackbench.results import Failure
 from trackbench.results.columns import Record
-from trackbench.runner.answer_records import answer_records
 from trackbench.runner.batches import Batch, batches_of
-from trackbench.runner.recorded import OnRecordedRun, Outcome, RecordedEstimates, RecordedScans
+from trackbench.runner.recorded import OnRecordedRun, Outcome, RecordedEstimates, RecordedScans, state_columns
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.scans import fingerprint_of
+from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
 
 
@@ -37,14 +41,6 @@ class Block:
     """Answers of the trackers that did not fail, one record per run; empty unless answers are kept."""
     random: frozenset[str] = frozenset()
     """Names of the plug-ins that declare that they draw random numbers."""
-
-    def add(self, tracker: TrackerRun, outcome: Outcome | Failure, engine: EngineUsed | None) -> None:
-        """Add a tracker's outcome, its engine, and whether it draws random numbers."""
-        self.outcomes[tracker.name] = outcome
-        if engine is not None:
-            self.engines[tracker.name] = engine
-        if tracker.random:
-            self.random |= {tracker.name}
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates | RecordedTracks]:
@@ -108,10 +104,67 @@ class Blocks:
         outcomes = run.close()
         answers = {}
         if run.answers and not isinstance(outcomes, Failure):
-            answers = answer_records(self._work, run.batch, run.name, run.answers)
+            answers = _answer_records(self._work, run.batch, run.name, run.answers)
         for place, piece in enumerate(run.batch.pieces):
-            outcome = outcomes if isinstance(outcomes, Failure) else outcomes[place]
-            engine = run.engine if run.engine is None or place == 0 else run.engine._replace(again=0)
             block = next(block for block in self.blocks if block.piece == piece)
-            block.add(run, outcome, engine)
+            block.outcomes[run.name] = outcomes if isinstance(outcomes, Failure) else outcomes[place]
+            if run.engine is not None:
+                block.engines[run.name] = run.engine if place == 0 else run.engine._replace(again=0)
+            if run.random:
+                block.random |= {run.name}
             block.answers += answers.get(piece, [])
+
+
+def _answer_records(work: Work, batch: Batch, name: str, answers: Sequence[Any]) -> dict[BlockRuns, list[Record]]:
+    """Return a tracker's answers at each instant, one record per run, by block of runs."""
+    records, first = dict[BlockRuns, list[Record]](), 0
+    for piece in batch.pieces:
+        scene = work.scenes[piece.scene]
+        time = scene.truth.time[scene.instants()]
+        records[piece] = []
+        for number, run in enumerate(piece.runs, first):
+            columns = _of_tracks(answers, number) if work.hidden else _of_objects(answers, number, batch, scene.truth)
+            instant = columns.pop("instant")
+            records[piece].append(
+                {
+                    "tracker": name,
+                    "scene": np.full(len(instant), piece.scene),
+                    "run": np.full(len(instant), run),
+                    "fingerprint": fingerprint_of(batch.measurements.digests[number]),
+                    "time_s": time[instant],
+                    **columns,
+                }
+            )
+        first += len(piece.runs)
+    return records
+
+
+def _of_tracks(answers: Sequence[Tracks], run: int) -> dict[str, Any]:
+    columns = [np.flatnonzero(tracks.ids[:, run] != NO_TRACK) for tracks in answers]
+    pairs = [(tracks, column) for tracks, column in zip(answers, columns, strict=True) if len(column)]
+    none = np.zeros((4, 4, 0))
+    mean = np.concatenate([none[0], *(tracks.mean[:, column, run] for tracks, column in pairs)], axis=1)
+    covariance = np.concatenate([none, *(tracks.covariance[:, :, column, run] for tracks, column in pairs)], axis=2)
+    existence = [
+        np.full(len(column), np.nan) if tracks.existence is None else tracks.existence[column, run]
+        for tracks, column in pairs
+    ]
+    return {
+        "instant": np.repeat(np.arange(len(answers)), [len(column) for column in columns]),
+        "track": np.concatenate([np.zeros(0, dtype=np.intp), *(tracks.ids[column, run] for tracks, column in pairs)]),
+        **state_columns(mean, covariance),
+        "existence": np.concatenate([np.zeros(0), *existence]),
+    }
+
+
+def _of_objects(answers: Sequence[Estimate | None], run: int, batch: Batch, truth: Any) -> dict[str, Any]:
+    runs = sum(len(piece.runs) for piece in batch.pieces)
+    none = np.full((4, 4, len(truth.ids)), np.nan)
+    means = [none[0] if answer is None else answer.mean[:, run::runs] for answer in answers]
+    covariances = [none if answer is None else answer.covariance[:, :, run::runs] for answer in answers]
+    instant, item = np.nonzero(np.isfinite(np.stack(means)[:, 0]))
+    return {
+        "instant": instant,
+        "object": [truth.ids[index] for index in item],
+        **state_columns(np.stack(means, axis=1)[:, instant, item], np.stack(covariances, axis=2)[:, :, instant, item]),
+    }

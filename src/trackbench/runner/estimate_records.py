@@ -12,16 +12,17 @@ from trackbench.metrics import BlockScores, Evaluation
 from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.sums import ERROR, NIS
 from trackbench.results.columns import Record, mean
-from trackbench.runner.block import Block
-from trackbench.runner.recorded import Outcome, RecordedEstimates, state_columns
-from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
+from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.recorded import Outcome, RecordedEstimates, RecordedScans, state_columns
+from trackbench.runner.shared_records import Records, run_keys, scan_record
 from trackbench.runner.work import Work
 from trackbench.trackers.config import FilterConfig, ImmConfig
 
 
-def records_of_estimates(run: FinishedRun) -> Records:
-    """Return the records of each table of a run with known identities."""
-    work, blocks, evaluated, scans, recorded = run
+def records_of_estimates(
+    work: Work, evaluated: Evaluated, scans: RecordedScans, recorded: Mapping[str, RecordedEstimates]
+) -> Records:
+    """Return the records of each table of a run with known identities; ``recorded`` is by name of the tracker."""
     scene = work.scenes[work.recorded_scene]
     # Recorded scenes differ in their number of measurements: the longest gives the times.
     times = {
@@ -46,7 +47,7 @@ def records_of_estimates(run: FinishedRun) -> Records:
             if sensor.name in estimates.nis
             for target, nis in zip(scene.truth.ids, np.stack(estimates.nis[sensor.name]).T, strict=True)
         ],
-        **_mode_records(work, blocks, list(evaluations)),
+        **_mode_records(work, evaluated.outcomes),
     }
     if work.over_stretches:
         records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]
@@ -155,14 +156,13 @@ def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) 
     return records
 
 
-def _mode_records(work: Work, blocks: Sequence[Block], trackers: Sequence[str]) -> Records:
+def _mode_records(work: Work, outcomes: Mapping[str, Sequence[Outcome]]) -> Records:
     """Return the tables of mode probabilities: means over runs and objects, and values in the recorded run."""
     scene, time = work.scenes[work.recorded_scene], work.longest_time
     means: list[Record] = []
     single: list[Record] = []
-    for tracker in trackers:
-        config, outcomes = work.trackers[tracker], [block.outcomes[tracker] for block in blocks]
-        sums = [item.modes for item in outcomes if isinstance(item, Outcome) and item.modes is not None]
+    for tracker, of_blocks in outcomes.items():
+        config, sums = work.trackers[tracker], [item.modes for item in of_blocks if item.modes is not None]
         if not sums:
             continue
         names = [f"mode {number}" for number in range(1, len(sums[0].total) + 1)]

@@ -1,13 +1,15 @@
-"""Tracks that another program wrote: their histories for scoring, and the offset of their clock."""
+"""Tracks that another program wrote: taken for scoring, the offset of their clock, and the frame that they are in."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import PurePath
 from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Truth
+from trackbench.base.errors import InputError, nearest_choices
+from trackbench.base.types import Array, Gaussian, Truth
 from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of, correlation_time
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.scorer import SceneRuns
@@ -20,10 +22,10 @@ from trackbench.runner.external_tracks import (
     truth_at,
     why_other_scans,
 )
-from trackbench.runner.work import BlockRuns, Work
+from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import Measurements, fingerprint_of
 from trackbench.truth.config.traffic import TracksConfig, files_in
-from trackbench.truth.tracks import TrackRows
+from trackbench.truth.tracks import SAME_STAMP_S, TrackRows
 
 #: The first search for the offset goes from -FARTHEST_S to FARTHEST_S, s.
 FARTHEST_S = 2.0
@@ -39,6 +41,18 @@ STEPS = 30
 USELESS_S = 0.5
 #: A smaller offset is not mentioned, s, nor one that moves a track by a smaller share of its error.
 LEAST_S, LEAST_SHARE = 1e-3, 0.1
+#: Share of rows near objects: below FEW other frames are tried; one with MANY is named to the user.
+FEW, MANY = 0.1, 0.5
+#: Other frames: the matrix (row by row) that turns x and y of the file into the truth's frame.
+FRAMES = {
+    "x and y exchanged": (0, 1, 1, 0),
+    "x = -y, y = x (turned by 90 degrees)": (0, -1, 1, 0),
+    "x = y, y = -x (turned by -90 degrees)": (0, 1, -1, 0),
+    "x = -x, y = -y (turned by 180 degrees)": (-1, 0, 0, -1),
+    "y = -y (y to the other side)": (1, 0, 0, -1),
+    "x = -x (x to the other side)": (-1, 0, 0, 1),
+    "x = -y, y = -x": (0, -1, -1, 0),
+}
 
 #: The matrix that leaves positions as they are.
 _AS_STATED = np.eye(2)
@@ -193,8 +207,8 @@ def _slope(sums: Array) -> Array:
     return np.asarray((xy - x * y / count) / (xx - x * x / count))[None]
 
 
-class ExternalHistories:
-    """Tracks that another program wrote, at the instants of a scene's runs, with the truth at their time stamps.
+class ExternalRows:
+    """Rows that another program wrote for a block of runs.
 
     Args:
         work: data shared by all blocks.
@@ -206,11 +220,41 @@ class ExternalHistories:
     def __init__(self, work: Work, piece: BlockRuns, name: str, measurements: Measurements) -> None:
         config, files = work.trackers[name], work.external_tracks[name]
         assert isinstance(config, TracksConfig)
-        assert work.track_score is not None
-        self._piece, self._measurements, self._cutoff = piece, measurements, work.track_score.cutoff
         place = piece.scene if len(files) > 1 else 0
-        self._rows, self._offset = files[place], config.time_offset_s
-        self._file, self._key = files_in(config.path)[place], f"trackers.{name}"
+        self._rows, self._file, self._key = files[place], files_in(config.path)[place], f"trackers.{name}"
+        self._piece, self._measurements = piece, measurements
+        self.shift = clock_shift(self._rows, work.scenes[piece.scene].truth, config.time_offset_s)
+        """Time to add to the time stamps of the rows, s."""
+
+    def of_run(self, run: int) -> TrackRows:
+        """Return the rows of one run; ``run`` counts from the first run of the block.
+
+        Raises:
+            InputError: the tracks were made from other scans than those of the run.
+        """
+        rows = rows_of_run(self._rows, self._piece.scene, self._piece.runs[run])
+        # Without sensors there are no scans with which the fingerprint could agree.
+        if self._measurements.scans:
+            self.refuse(run, why_other_scans(rows, fingerprint_of(self._measurements.digests[run])))
+        return rows
+
+    def refuse(self, run: int, problem: str | None) -> None:
+        """Raise an error that names file, scene and run, if there is a problem."""
+        if problem is not None:
+            where = f"scene {self._piece.scene}, run {self._piece.runs[run]}"
+            raise InputError(f"{where}: {problem}", file=self._file, key=self._key)
+
+
+class ExternalHistories:
+    """Tracks that another program wrote, at the instants of a scene's runs, with the truth at their time stamps.
+
+    Args:
+        rows: rows of the runs.
+        cutoff: distance from which a row is on no object, m.
+    """
+
+    def __init__(self, rows: ExternalRows, cutoff: float) -> None:
+        self._rows, self._cutoff = rows, cutoff
         self._pairs: list[Array] = []
         self.counts = np.zeros(3, dtype=np.intp)
         """Number of rows, of rows within the time of the truth, and of runs without a row in that time."""
@@ -226,13 +270,8 @@ class ExternalHistories:
         Raises:
             InputError: the tracks were made from other scans than those of the run.
         """
-        number, truth = scene.runs.start + run, scene.truth
-        shift = clock_shift(self._rows, truth, self._offset)
-        rows = rows_of_run(self._rows, self._piece.scene, number)
-        problem = why_other_scans(rows, fingerprint_of(self._measurements.digests[run]))
-        # Without sensors there are no scans with which the fingerprint could agree.
-        if problem is not None and self._measurements.scans:
-            raise InputError(f"scene {self._piece.scene}, run {number}: {problem}", file=self._file, key=self._key)
+        number, truth, shift = scene.runs.start + run, scene.truth, self._rows.shift
+        rows = self._rows.of_run(run)
         is_inside = inside(rows, shift, truth.time[0], truth.time[-1])
         self.counts += len(rows), is_inside.sum(), not is_inside.any()
         time = truth.time[scene.due.steps]
@@ -240,3 +279,92 @@ class ExternalHistories:
         pairs = offset_pairs(rows, truth, number, shift, self._cutoff)
         self._pairs.append(np.concatenate([np.full((1, pairs.shape[1]), scene.number + run), pairs]))
         return truth_at(truth, number, scene.truth_at(time, run), stamp), history
+
+
+def external_estimates(source: ExternalRows, scene: Scene, runs: int) -> Gaussian:
+    """Return another program's estimates in some runs: mean ``(4, instants, objects, runs)`` and covariance.
+
+    Raises:
+        InputError: a row has another fingerprint, an unknown object, no scan at its time, no velocity or no covariance.
+    """
+    time, ids = scene.truth.time[scene.instants()], scene.truth.ids
+    shape = len(time), len(ids), runs
+    placed = Gaussian(np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan))
+    number = {name: index for index, name in enumerate(ids)}
+    for column in range(runs):
+        rows = source.of_run(column)
+        source.refuse(column, _why_not_placed(rows, ids))
+        stamp = rows.time + source.shift
+        instant = np.clip(np.searchsorted(time, stamp - SAME_STAMP_S), 0, len(time) - 1)
+        away = stamp[np.abs(time[instant] - stamp) > SAME_STAMP_S]
+        if len(away):
+            source.refuse(column, f"there is no scan at {away[0]:.9g} s, where an estimate is given")
+        item = np.array([number[each] for each in rows.id], dtype=np.intp)
+        placed.mean[:, instant, item, column] = np.stack([rows.px, rows.py, *rows.velocity])  # type: ignore[list-item]
+        placed.covariance[:, :, instant, item, column] = rows.covariance
+    return placed
+
+
+def _why_not_placed(rows: TrackRows, ids: tuple[str, ...]) -> str | None:
+    if not len(rows):
+        return None
+    unknown = sorted({*rows.id} - {*ids})
+    if unknown:
+        return f"there is no object {unknown[0][:40]!r}; {nearest_choices(unknown[0], ids)}"
+    vx, vy = rows.velocity
+    if vx is None or vy is None or np.isnan(vx + vy).any():
+        return "with known identities each row needs a velocity: vx and vy"
+    if rows.covariance is None or np.isnan(rows.covariance).any():
+        return "with known identities each row needs a covariance: p_00 to p_33"
+    return None
+
+
+def remarks_on_files(work: Work, name: str, matched_share: float) -> tuple[str, ...]:
+    """Say where the files of a tracker contradict the truth, and what to do about it.
+
+    Args:
+        work: data shared by all blocks; only the first run of each scene is checked.
+        name: name of the tracker.
+        matched_share: share of the objects' time in which a track is on them. A single file with a high share is not
+            checked: its other tracks may follow traffic without a truth.
+    """
+    config, files = work.trackers[name], work.external_tracks[name]
+    assert isinstance(config, TracksConfig)
+    assert work.track_score is not None
+    remarks = []
+    for number, file_rows in enumerate(files):
+        rows, truth = rows_of_run(file_rows, number, 0), work.scenes[number].truth
+        shift = clock_shift(file_rows, truth, config.time_offset_s)
+        doubtful = len(files) > 1 or matched_share < FEW
+        why = why_nothing_matches(rows, truth, shift, work.track_score.cutoff) if doubtful else None
+        where = f"{PurePath(files_in(config.path)[number]).name}: " if len(files) > 1 else ""
+        remarks += [] if why is None else [where + why]
+    return tuple(remarks)
+
+
+def why_nothing_matches(rows: TrackRows, truth: Truth, shift: float, cutoff: float) -> str | None:
+    """Say why almost no row of a file is near an object, and what to do; None where enough rows are.
+
+    Args:
+        rows: rows of one run in the file of tracks, in the order of time.
+        truth: truth of the run's scene.
+        shift: time to add to the time stamps of the rows, s.
+        cutoff: distance from which a row is on no object, m.
+    """
+    nearest = NearestObject(rows, truth, 0, shift)
+    if not len(nearest.stamp):
+        return None
+
+    def share(frame: Sequence[float]) -> float:
+        return float((nearest.at(0.0, np.reshape(frame, (2, 2)))[1] < cutoff**2).mean())
+
+    near = share((1, 0, 0, 1))
+    if near >= FEW:
+        return None
+    shares = {name: share(frame) for name, frame in FRAMES.items()}
+    best = max(shares, key=lambda name: shares[name])
+    what = f"{100 * near:.1f} % of its rows are within {cutoff:g} m of an object"
+    if shares[best] < MANY:
+        return f"{what}: are the tracks of this recording, in its frame and in metres?"
+    remedy = "; exchange their columns (--map)" if best == "x and y exchanged" else "; convert the file"
+    return f"{what}; with {best} {100 * shares[best]:.0f} % would be{remedy}"

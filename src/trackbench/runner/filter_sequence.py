@@ -14,7 +14,7 @@ from trackbench.engine.filters import FusedFilter
 from trackbench.engine.sequences import Addresses, ArrayPlace, CallSequence, place, place_of_each
 from trackbench.filters import choose
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.track_steps import TrackState
+from trackbench.trackers.track_steps import TrackState, where_tracked
 
 
 class SequenceStep(NamedTuple):
@@ -101,7 +101,7 @@ class FilterSequence:
         recorded_runs: range | None = None,
     ) -> None:
         assert isinstance(tracker.computed_filter, FusedFilter)
-        self._tracker, self._filter, self._state, self._steps = tracker, tracker.computed_filter, state, steps
+        self._tracker, self._filter, self._state, self.steps = tracker, tracker.computed_filter, state, steps
         self._keeps, self._all_runs = recorded_runs is not None, shape[1]
         runs = recorded_runs or range(shape[1])
         self._first_run, self.shape = runs.start, (shape[0], len(runs))
@@ -151,21 +151,21 @@ class FilterSequence:
             white: ``(steps,)`` addresses to which each step that reads writes its whitened innovations; each component
                 is a row over all members.
         """
-        self.cartesian = [(Slot(self._cartesian[0], 0), Slot(self._cartesian[1], 0))] * len(self._steps)
+        self.cartesian = [(Slot(self._cartesian[0], 0), Slot(self._cartesian[1], 0))] * len(self.steps)
         groups: dict[Any, list[int]] = {}
-        for number, step in enumerate(self._steps):
+        for number, step in enumerate(self.steps):
             scan = step.scan
             kind = scan.kind, scan.sensor, scan.noise_covariance.ndim
             groups.setdefault(kind if step.reads else (step.advances, self._still[number]), []).append(number)
         return all(
             self._add_updates(sequence, np.array(numbers), white)
-            if self._steps[numbers[0]].reads
+            if self.steps[numbers[0]].reads
             else self._add_predictions(sequence, np.array(numbers))
             for numbers in groups.values()
         )
 
     def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses) -> bool:
-        scans = [self._steps[number].scan for number in numbers]
+        scans = [self.steps[number].scan for number in numbers]
         kernel = self._filter.step_kernel(self._state.belief, scans[0], self._tracker.guard)
         if kernel is None:
             return False
@@ -220,7 +220,7 @@ class FilterSequence:
         return {name: place(array, component_axes(name), slots % array.shape[-3]) for name, array in arrays.items()}
 
     def _time(self, numbers: Indices) -> dict[str, ArrayPlace]:
-        times = [self._filter.time(self._steps[number].elapsed) for number in numbers]
+        times = [self._filter.time(self.steps[number].elapsed) for number in numbers]
         return {name: self._of_all([time[name] for time in times], component_axes(name)) for name in times[0]}
 
     def _cartesian_places(self, numbers: Indices) -> dict[str, ArrayPlace]:
@@ -239,7 +239,7 @@ class FilterSequence:
 
     def innovation_calls(self, numbers: Sequence[int]) -> tuple[Indices, ArrayPlace]:
         """Return the numbers of the kernel calls for the innovations of some steps, and the addresses of the masks."""
-        return self._first[numbers] + 1, self._each([self._steps[number].scan.valid for number in numbers], 0)
+        return self._first[numbers] + 1, self._each([self.steps[number].scan.valid for number in numbers], 0)
 
     def _each(self, arrays: Sequence[npt.NDArray[Any]], axes: int) -> ArrayPlace:
         arrays = [np.ascontiguousarray(array) for array in arrays]
@@ -262,18 +262,20 @@ class FilterSequence:
 
     def repairs(self) -> Array:
         """Return how many covariances were repaired at each instant, ``(instants, batch)``."""
-        instants, repaired = [step.instant for step in self._steps], self.repaired.reshape(len(self._steps), -1)
+        instants, repaired = [step.instant for step in self.steps], self.repaired.reshape(len(self.steps), -1)
         starts = np.flatnonzero(np.diff(instants, prepend=-1))
         return np.add.reduceat(repaired, starts, axis=0, dtype=float) if repaired.any() else np.zeros((len(starts), 1))
 
     def probability(self, number: int) -> Array | None:
-        """Return the mode probabilities ``(modes, batch)`` after a step; None for a filter without modes."""
+        """Return the mode probabilities ``(modes, batch)`` after a step, NaN without a track; None without modes."""
         arrays = self._arrays_after(number)
-        return Slot(arrays["probability"], self._to[number]).value if "probability" in arrays else None
+        if "probability" not in arrays:
+            return None
+        return where_tracked(self._state.started, Slot(arrays["probability"], self._to[number]).value)
 
     def state(self) -> TrackState:
         """Return the tracker's state after the last step."""
-        before, steps = self._state, [step for step in self._steps if step.advances]
+        before, steps = self._state, [step for step in self.steps if step.advances]
         if not steps:
             return before
         slots = {name: Slot(array, len(steps) % array.shape[-3]) for name, array in self._main.items()}

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from trackbench.base.errors import counted
 from trackbench.base.execution import Executor
@@ -63,7 +63,7 @@ def run_scenario(
         InputError: the engine is not available.
         TrackbenchError: the processes that make the runs died.
     """
-    options = {"observed": on_recorded_run is not None, "keeps_answers": keeps_answers}
+    options: Any = {"observed": on_recorded_run is not None, "keeps_answers": keeps_answers}
     pending = PendingRun(loaded, truths, executor or Executor(), isolation, engine, **options)
     return pending.collect(lambda _: command, progress, on_recorded_run)
 
@@ -84,10 +84,9 @@ def answers_of_scenes(
         executor: makes the blocks of runs.
         isolation: limits of the processes in which plug-ins run.
     """
-    work = replace(work_of(loaded, truths, isolation), keeps_answers=True)
-    pieces = [piece for piece in work.pieces() if piece.scene in scenes]
-    blocks = PendingBlocks(loaded, work, pieces, executor).collect()
-    failures, _ = failures_and_outcomes(work.trackers, blocks)
+    pending = PendingRun(loaded, truths, executor, isolation, keeps_answers=True, scenes=scenes)
+    blocks = pending.blocks()
+    failures, _ = failures_and_outcomes(loaded.config.trackers, blocks)
     for failure in failures.values():
         return failure
     return table_of([record for block in blocks for record in block.answers])
@@ -105,6 +104,7 @@ class PendingRun:
         observed: whether ``collect`` gets a function that receives the recorded run.
         alone: whether no other scenario is run at the same time.
         keeps_answers: whether the result has the table ``answers``; the engine is NumPy then.
+        scenes: numbers of the scenes that are run; None for all.
     """
 
     def __init__(
@@ -118,12 +118,31 @@ class PendingRun:
         observed: bool = False,
         alone: bool = True,
         keeps_answers: bool = False,
+        scenes: Collection[int] | None = None,
     ) -> None:
-        self._loaded, self._truths = loaded, truths
+        self._loaded, self._truths, self._begin = loaded, truths, time.perf_counter()
+        options: Any = {"observed": observed, "alone": alone, "keeps_answers": keeps_answers, "scenes": scenes}
+        self._by_numpy = partial(PendingRun, loaded, truths, executor, isolation, "numpy", **options)
         work = work_of(loaded, truths, isolation, "numpy" if keeps_answers else engine)
         self._work = replace(work, keeps_answers=keeps_answers)
-        self._begin = time.perf_counter()
-        self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
+        pieces = [piece for piece in work.pieces() if scenes is None or piece.scene in scenes]
+        self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
+        self._progress: Progress = no_progress
+        self._on_recorded_run: OnRecordedRun | None = None
+        self._groups = work.groups(pieces)
+        of_scenes = cache(self._work.of_scenes)
+        local_calls: list[tuple[Work, list[BlockRuns]]] = []
+        executor_calls: list[tuple[Work, list[BlockRuns]]] = []
+        self._is_local = []
+        for group in self._groups:
+            call = of_scenes(tuple(dict.fromkeys(piece.scene for piece in group))), group
+            is_observed = observed and any(work.recorded_in(piece) is not None for piece in group)
+            is_local = is_observed or (alone and len(self._groups) == 1)
+            self._is_local.append(is_local)
+            (local_calls if is_local else executor_calls).append(call)
+        observers = self._advance, self._observe if observed else None
+        self._from_here = Executor().map(run_blocks, local_calls, observers=observers)
+        self._from_executor = executor.map(run_blocks, executor_calls, own_folder(loaded), observers)
 
     def collect(
         self,
@@ -136,64 +155,17 @@ class PendingRun:
         Args:
             command: returns the command line that reproduces the result of a scenario.
             progress: called with the number of finished runs and the number of all runs.
-            on_recorded_run: called with the recorded run while it is made.
-        """
-        blocks = self._blocks.collect(progress, on_recorded_run)
-        _log_times(self._work, blocks, time.perf_counter() - self._begin)
-        return assemble(self._loaded, self._truths, self._work, blocks, command(self._loaded))
-
-
-class PendingBlocks:
-    """Blocks of runs that an executor starts to make at once; ``collect`` waits for them.
-
-    Args:
-        loaded: the scenario.
-        work: data shared by all blocks.
-        pieces: blocks of runs.
-        executor: makes the blocks.
-        observed: whether ``collect`` gets a function that receives the recorded run: its block is made in this process.
-        alone: whether nothing else is run at the same time: a single group of blocks is made in this process.
-    """
-
-    def __init__(
-        self,
-        loaded: Scenario,
-        work: Work,
-        pieces: Sequence[BlockRuns],
-        executor: Executor,
-        *,
-        observed: bool = False,
-        alone: bool = True,
-    ) -> None:
-        options = {"observed": observed, "alone": alone}
-        self._by_numpy = partial(PendingBlocks, loaded, replace(work, engine="numpy"), pieces, executor, **options)
-        self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
-        self._progress: Progress = no_progress
-        self._on_recorded_run: OnRecordedRun | None = None
-        self._groups = work.groups(pieces)
-        of_scenes = cache(work.of_scenes)
-        local_calls: list[tuple[Work, list[BlockRuns]]] = []
-        executor_calls: list[tuple[Work, list[BlockRuns]]] = []
-        self._is_local = []
-        for group in self._groups:
-            call = of_scenes(tuple(dict.fromkeys(piece.scene for piece in group))), group
-            is_local = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
-            self._is_local.append(is_local)
-            (local_calls if is_local else executor_calls).append(call)
-        observers = self._advance, self._observe if observed else None
-        self._from_here = Executor().map(run_blocks, local_calls, observers=observers)
-        self._from_executor = executor.map(run_blocks, executor_calls, own_folder(loaded), observers)
-
-    def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
-        """Wait for the blocks and return them in order; repeat all by NumPy if a user's kernel differs from NumPy.
-
-        Args:
-            progress: called with the number of finished runs and the number of all runs.
             on_recorded_run: called with the recorded run while it is made, if ``observed``.
 
         Raises:
             TrackbenchError: the processes that make the blocks died.
         """
+        blocks = self.blocks(progress, on_recorded_run)
+        _log_times(self._work, blocks, time.perf_counter() - self._begin)
+        return assemble(self._loaded, self._truths, self._work, blocks, command(self._loaded))
+
+    def blocks(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
+        """Wait for the blocks and return them in order; repeat all by NumPy if a user's kernel differs from NumPy."""
         self._progress, self._on_recorded_run = progress, on_recorded_run
         blocks: list[Block] = []
         for group, is_local in zip(self._groups, self._is_local, strict=True):
@@ -205,7 +177,7 @@ class PendingBlocks:
             engines = [block.engines for block in blocks]
             # Blocks of many runs are large: free them first.
             blocks.clear()
-            blocks = self._by_numpy().collect(progress, on_recorded_run)
+            blocks = self._by_numpy().blocks(progress, on_recorded_run)
             for block, before in zip(blocks, engines, strict=True):
                 reasons = {name: used._replace(engine="numpy", again=0, differs=False) for name, used in before.items()}
                 block.engines |= reasons

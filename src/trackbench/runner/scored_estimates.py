@@ -5,27 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from itertools import chain
 
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Gaussian, Scan
-from trackbench.driving.drive import Delivery, DriveStep, deliveries
+from trackbench.driving.drive import Delivery, deliveries
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import Scorer
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.protocol import Fault
-from trackbench.runner.external_estimates import external_estimates
+from trackbench.runner.external_run import ExternalRows, external_estimates
 from trackbench.runner.recorded import ModeSums, OnRecordedRun, Outcome, RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.track_steps import TrackState
-
-if TYPE_CHECKING:
-    from trackbench.runner.sequence_run import SequenceResult
 
 #: Starts of the messages of errors that arise from an array with too few axes.
 OF_SHAPES = ("AxisError", "IndexError", "ValueError: not enough values to unpack")
@@ -50,7 +47,7 @@ class EstimateScoring:
         config, scene = work.trackers[name], work.scenes[piece.scene]
         self._name, self._piece, self._scene, self._recorded_run = name, piece, scene, work.recorded_in(piece)
         self._target, self._observe = targets.of(config), observe
-        self._scorer = Scorer(
+        self.scorer = Scorer(
             self._target,
             targets.conditions(config),
             {sensor.name: len(sensor.steps) for sensor in scene.sensors},
@@ -73,36 +70,26 @@ class EstimateScoring:
                 self._of_sensor.append(taken[scan.sensor])
                 taken[scan.sensor] += 1
 
-    @property
-    def waits(self) -> bool:
-        """Whether estimates were taken that are not scored yet."""
-        return self._scorer.waits
-
-    @property
-    def chunk(self) -> int:
-        """Number of instants that are scored together."""
-        return self._scorer.chunk
-
-    def take(self, step: DriveStep[Estimate | None], _: object = None) -> None:
+    def take(self, delivery: Delivery, answer: Estimate | None, seconds: float = math.nan, _: object = None) -> None:
         """Score the tracker's answer to a scan, with its mode probabilities, and keep the recorded estimates.
 
         Raises:
             Fault: the estimate cannot be scored, or the number of modes has changed.
         """
         self._has_answered = True
-        self._scorer.take(step)
-        latest = step.answer or self._scorer.no_estimate
+        self.scorer.take(delivery, answer, seconds)
+        latest = answer or self.scorer.no_estimate
         recorded = self._recorded_members
-        if step.number is not None and self._recorded is not None:
+        if delivery.number is not None and self._recorded is not None:
             white = whitened_innovation(latest, recorded)
             if white is not None:
-                self._keep_nis(step.number, step.scan, white)
-        if not step.last:
+                self._keep_nis(delivery.number, delivery.scan, white)
+        if not delivery.last:
             return
         if latest.mode_probabilities is not None:
-            self._take_modes(step.instant, latest.mode_probabilities)
+            self._take_modes(delivery.instant, latest.mode_probabilities)
         if self._recorded is not None:
-            self._keep_recorded(step.instant, latest.mean[:, recorded], latest.covariance[:, :, recorded])
+            self._keep_recorded(delivery.instant, latest.mean[:, recorded], latest.covariance[:, :, recorded])
 
     def take_sequence(
         self, tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Delivery]], first: int
@@ -121,11 +108,20 @@ class EstimateScoring:
         from trackbench.runner.sequence_run import run_sequence
 
         scans = [[delivery.scan for delivery in group] for group in instants]
-        taken = run_sequence(tracker, state, scans, self._scorer, first, self._recorded_run)
+        taken = run_sequence(tracker, state, scans, self.scorer, first, self._recorded_run)
         if taken is None:
             return None
-        self._keep_sequence(taken, first, [delivery.number for group in instants for delivery in group])
-        return taken.sequence.state(), taken.steps[-1].instant + 1
+        sequence, recorded = taken
+        numbers = [delivery.number for group in instants for delivery in group]
+        for place, (step, number) in enumerate(zip(sequence.steps, numbers, strict=False)):
+            instant, probability = first + step.instant, sequence.probability(place)
+            if step.last and probability is not None:
+                self._take_modes(instant, probability)
+            if recorded is not None and step.last:
+                self._keep_recorded(instant, *recorded.estimate(place))
+            if recorded is not None and number is not None and step.reads:
+                self._keep_nis(number, step.scan, recorded.whitened(place))
+        return sequence.state(), sequence.steps[-1].instant + 1
 
     def close(self) -> list[Outcome]:
         """Return the tracker's outcome in its one block, as a list.
@@ -136,18 +132,19 @@ class EstimateScoring:
         """
         if self._name in self._work.external_tracks:
             self._take_external()
-        outcome = Outcome(self._scorer.close(), self._recorded, self._modes)
+        outcome = Outcome(self.scorer.close(), self._recorded, self._modes)
         if outcome.scores.due.sum() > 0 and not outcome.scores.given:
             raise Fault("it gave no estimate at all", len(self._target.time) - 1, None)
         return [outcome]
 
     def _take_external(self) -> None:
-        mean, covariance = external_estimates(self._work, self._piece, self._name, self._measurements)
+        rows = ExternalRows(self._work, self._piece, self._name, self._measurements)
+        mean, covariance = external_estimates(rows, self._scene, len(self._piece.runs))
         groups = deliveries(self._measurements.scans, [], self._scene.each_measurement)
-        for instant, group in enumerate(groups):
-            for place, delivery in enumerate(group):
-                estimate = Estimate(mean[:, instant].reshape(4, -1), covariance[:, :, instant].reshape(4, 4, -1))
-                self.take(DriveStep(instant, *delivery, estimate, math.nan, place == len(group) - 1))
+        for delivery in chain.from_iterable(groups):
+            instant = delivery.instant
+            estimate = Estimate(mean[:, instant].reshape(4, -1), covariance[:, :, instant].reshape(4, 4, -1))
+            self.take(delivery, estimate)
 
     def failed(self, instant: int) -> None:
         """Tell the observer that the tracker failed and has no estimates from this instant on."""
@@ -168,16 +165,6 @@ class EstimateScoring:
     @property
     def _recorded_members(self) -> slice:
         return slice(self._recorded_run, None, len(self._piece.runs))
-
-    def _keep_sequence(self, taken: SequenceResult, first: int, numbers: Sequence[int | None]) -> None:
-        for place, (step, number) in enumerate(zip(taken.steps, numbers, strict=False)):
-            instant, probability = first + step.instant, taken.probability(place)
-            if step.last and probability is not None:
-                self._take_modes(instant, probability)
-            if taken.recorded is not None and step.last:
-                self._keep_recorded(instant, *taken.recorded.estimate(place))
-            if taken.recorded is not None and number is not None and step.reads:
-                self._keep_nis(number, step.scan, taken.recorded.whitened(place))
 
     def _take_modes(self, instant: int, probability: Array) -> None:
         self._modes = self._modes or ModeSums(len(probability), self._target, self._recorded_run)

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from trackbench.base.types import Tracks
-from trackbench.driving.drive import DriveStep
+from trackbench.driving.drive import Delivery
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.metrics.protocol import Fault
 from trackbench.metrics.traffic.scorer import SceneRuns, TrackScorer
-from trackbench.runner.external_run import ExternalHistories
+from trackbench.runner.external_run import ExternalHistories, ExternalRows
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
@@ -34,9 +34,11 @@ class TrackScoring:
             name, self._time, measurements, _scene_runs(work, pieces), work.metrics, work.track_score, ends, counted
         )
 
-    def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
+    def take(
+        self, delivery: Delivery, answer: Tracks, seconds: float, predicted: Callable[[int], Tracks] | None = None
+    ) -> None:
         """Add the tracker's answer to a scan; ``predicted`` returns a built-in tracker's predicted tracks in a run."""
-        self._scorer.take(step, predicted)
+        self._scorer.take(delivery, answer, seconds, predicted)
 
     def close(self) -> list[Outcome]:
         """Score all tracks, and return the tracker's outcome in each block of runs.
@@ -45,7 +47,9 @@ class TrackScoring:
             Fault: a track of a built-in tracker, whose answers are not checked step by step, is not finite.
         """
         if self._name in self._work.external_tracks:
-            histories = ExternalHistories(self._work, self._piece, self._name, self._measurements)
+            assert self._work.track_score is not None
+            rows = ExternalRows(self._work, self._piece, self._name, self._measurements)
+            histories = ExternalHistories(rows, self._work.track_score.cutoff)
             (scored,) = self._scorer.close(histories.of_run)
             return [Outcome(*scored, offset=histories.offsets, external_rows=histories.counts)]
         for instant, tracks in enumerate(self._scorer.tracks_at):

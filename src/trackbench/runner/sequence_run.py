@@ -16,7 +16,7 @@ from trackbench.metrics import Scorer
 from trackbench.metrics.score_sequence import InnovationSequence
 from trackbench.runner.filter_sequence import FilterSequence, SequenceStep, filter_steps
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.track_steps import TrackState, where_tracked
+from trackbench.trackers.track_steps import TrackState
 
 #: Smallest number of instants for which a sequence is faster than single steps.
 LEAST_INSTANTS = 4
@@ -45,20 +45,6 @@ class RecordedSequence(NamedTuple):
         return self.white[number, ..., self.member]
 
 
-class SequenceResult(NamedTuple):
-    """Result of a sequence of kernel calls: the steps, all scored, their states, and the recorded run."""
-
-    steps: Sequence[SequenceStep]
-    sequence: FilterSequence
-    started: Mask
-    recorded: RecordedSequence | None
-
-    def probability(self, number: int) -> Array | None:
-        """Return the mode probabilities ``(modes, batch)`` after a step, NaN without a track; None without modes."""
-        probability = self.sequence.probability(number)
-        return None if probability is None else where_tracked(self.started, probability)
-
-
 def run_sequence(
     tracker: FilterTracker,
     state: TrackState,
@@ -66,7 +52,7 @@ def run_sequence(
     scorer: Scorer,
     first: int,
     recorded: int | None,
-) -> SequenceResult | None:
+) -> tuple[FilterSequence, RecordedSequence | None] | None:
     """Take a tracker through instants by one sequence of kernel calls, and score its estimates.
 
     Args:
@@ -78,7 +64,7 @@ def run_sequence(
         recorded: number of the run in the block whose estimates are kept; None for no run.
 
     Returns:
-        The result; None where the steps have to be taken one by one.
+        The sequence, and the recorded run if there is one; None where the steps have to be taken one by one.
     """
     kernel_set, objects, runs = scorer.kernels, *scorer.shape
     is_fused = kernel_set and isinstance(tracker.computed_filter, FusedFilter)
@@ -121,8 +107,7 @@ def run_sequence(
             scorer.innovations(step.scan.sensor).add(None, no_member, no_member)
     step_time = seconds, len(steps) * len(state.started)
     scorer.take_sequence(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started, step_time)
-    of_recorded = None if recorded is None else _recorded(tracker, state, steps, (objects, runs), recorded)
-    return SequenceResult(steps, sequence, state.started, of_recorded)
+    return sequence, None if recorded is None else _recorded(tracker, state, steps, (objects, runs), recorded)
 
 
 def _recorded(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,27 +10,10 @@ from trackbench.base.types import Scan, Truth, of_runs
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
 from trackbench.results.folder import OBSERVER
-from trackbench.runner.block import Block
-from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.recorded import RecordedScans
 from trackbench.runner.work import Work
 
 #: Records of each table, by name of the table.
 Records = dict[str, list[Record]]
-
-
-class FinishedRun(NamedTuple):
-    """Blocks, metrics and recording of a finished run, from which its tables are made."""
-
-    work: Work
-    blocks: Sequence[Block]
-    evaluated: Evaluated
-    scans: RecordedScans
-    """Scans of the recorded run."""
-    recorded: Mapping[str, Any]
-    """Estimates or tracks in the recorded run, by name of each tracker that has not failed."""
-
-
 #: Column of each field of a truth's motion.
 _MOTION = {
     "px": "px_m",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 
@@ -119,10 +119,9 @@ class Targets:
     def _delivered(self) -> dict[str, Indices]:
         """Return the number of scans ``(instants,)`` that a tracker had been given by each instant, by sensor."""
         number = {name: np.zeros(len(self._time), dtype=np.intp) for name in self._valid}
-        for instant, group in enumerate(deliveries(self.scans, each_measurement=self._scene.each_measurement)):
-            for delivery in group:
-                if delivery.number is not None:
-                    number[delivery.scan.sensor][instant] += 1
+        for delivery in chain.from_iterable(deliveries(self.scans, each_measurement=self._scene.each_measurement)):
+            if delivery.number is not None:
+                number[delivery.scan.sensor][delivery.instant] += 1
         return {name: np.cumsum(of_sensor) for name, of_sensor in number.items()}
 
     def _arrived(self, until: Array) -> dict[str, Indices]:

@@ -16,8 +16,9 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record, mean
 from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
-from trackbench.runner.recorded import state_columns
-from trackbench.runner.shared_records import FinishedRun, Records, run_keys, scan_record
+from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.recorded import RecordedScans, state_columns
+from trackbench.runner.shared_records import Records, run_keys, scan_record
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
@@ -28,9 +29,14 @@ CORNERS = 17
 _GOSPA_COLUMNS = ("gospa_m", "gospa_localisation_m", "gospa_missed_m", "gospa_false_m")
 
 
-def records_of_tracks(run: FinishedRun) -> Records:
-    """Return the records of each table of a run with hidden identities."""
-    work, blocks, evaluated, scans, recorded = run
+def records_of_tracks(
+    work: Work,
+    blocks: Sequence[Block],
+    evaluated: Evaluated,
+    scans: RecordedScans,
+    recorded: Mapping[str, RecordedTracks],
+) -> Records:
+    """Return the records of each table of a run with hidden identities; ``recorded`` is by name of the tracker."""
     scene = work.scenes[work.recorded_scene]
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.outcomes.items()}

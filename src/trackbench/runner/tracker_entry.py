@@ -19,8 +19,7 @@ from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.results import FiledRows, Health, TrackerResult
 from trackbench.runner.evaluated import Evaluated
-from trackbench.runner.external_frames import remarks_on_files
-from trackbench.runner.external_run import offset_of
+from trackbench.runner.external_run import offset_of, remarks_on_files
 from trackbench.runner.recorded import Outcome
 from trackbench.runner.work import Work
 from trackbench.scenario.keys import TrackerEntry

@@ -11,25 +11,30 @@ from typing import Any, Self
 
 import numpy as np
 
+from trackbench.base.streams import stream
 from trackbench.base.types import SAME_TIME, Indices, Scan
 from trackbench.driving.cross_check import CrossCheckedTracker
-from trackbench.driving.drive import Delivery, DriveStep, deliveries
+from trackbench.driving.drive import Delivery, deliveries
 from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.isolation import plugged_in
+from trackbench.driving.start import start_stepper
 from trackbench.driving.steppers import ForeignTracker, Offline
 from trackbench.engine.choice import seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
+from trackbench.engine.machine import unavailable
 from trackbench.metrics.protocol import Fault
 from trackbench.results import Failure
 from trackbench.runner.batches import Batch
 from trackbench.runner.recorded import OnRecordedRun, Outcome
 from trackbench.runner.scored_estimates import EstimateScoring
-from trackbench.runner.second_drive import with_second_drive
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.filtered import FilterTracker
 
 #: Largest number of instants in one sequence of kernel calls.
 INSTANTS = 64
+#: Number of runs of the second drive of a tracker that is not batched.
+RUNS = 2
 
 
 class TrackerRun:
@@ -62,9 +67,9 @@ class TrackerRun:
         """Whether the tracker declares that it draws random numbers; set inside the context."""
         self._work, self._piece, self._twice = work, batch.pieces[0], twice
         self._scene = work.scenes[self._piece.scene]
-        self._time = self._scene.truth.time[work.scored_steps(self._scene)]
+        self._time = self._scene.truth.time[self._scene.instants()]
         self._scoring = batch.scoring(name, observe)
-        self._delivery: tuple[int, Delivery, bool] | None = None
+        self._delivery: Delivery | None = None
         self._began = 0.0
         self._step_by_step_until = 0
         self._metric_error: Exception | None = None
@@ -74,7 +79,7 @@ class TrackerRun:
     @property
     def done(self) -> float:
         """Share of the instants that the tracker has reached."""
-        return 0.0 if self._delivery is None else (self._delivery[0] + 1) / max(len(self._time), 1)
+        return 0.0 if self._delivery is None else (self._delivery.instant + 1) / max(len(self._time), 1)
 
     def __enter__(self) -> Self:
         try:
@@ -83,7 +88,7 @@ class TrackerRun:
             self.tracker = self._started = self.batch.start(self.name)
             self.random = is_random(self.tracker)
             if self._twice:
-                self.tracker = with_second_drive(self._work, self.batch, self.name, self.tracker)
+                self.tracker = _with_second_drive(self._work, self.batch, self.name, self.tracker)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -96,7 +101,9 @@ class TrackerRun:
         if isinstance(self._started, ForeignTracker):
             self._started.close()
         elif self._started is not None:
-            self.engine = self._work.engine_of(getattr(self._started, "engine_used", None))
+            self.engine = getattr(self._started, "engine_used", None)
+            if self.engine is not None and self._work.engine != self._work.engine_here:
+                self.engine = self.engine._replace(why_numpy=unavailable() or "")
         passed_on = isinstance(error, KeyboardInterrupt) or (error is not None and error is self._metric_error)
         if error is not None and not passed_on:
             self._note_error(error)
@@ -114,26 +121,26 @@ class TrackerRun:
                 taken = instant + self._take_sequence(instant)
             if instant < taken:
                 continue
-            for place, delivery in enumerate(group):
+            for delivery in group:
                 if self.failure is not None:
                     return
-                self._delivery = instant, delivery, place == len(group) - 1
+                self._delivery = delivery
                 arguments = self._arguments(delivery)
                 self._began = time.perf_counter() - seconds_on_kernels(self._work.engine_here)
                 yield arguments
 
     def take(self, answer: Any) -> None:
         """Score the tracker's answer to the arguments that the iteration yielded last."""
-        assert self._delivery is not None
+        delivery = self._delivery
+        assert delivery is not None
         seconds = time.perf_counter() - seconds_on_kernels(self._work.engine_here) - self._began
-        instant, delivery, last = self._delivery
         seconds = math.nan if isinstance(self.tracker, Offline) else seconds
-        step = DriveStep(instant, *delivery, answer, seconds, last)
-        if last and self._work.keeps_answers:
+        if delivery.last and self._work.keeps_answers:
             self.answers.append(answer)
         predicts = getattr(self.tracker, "multi_object", False) and delivery.scan.arrival_time == delivery.scan.time
+        predicted = partial(self.tracker.predicted, self.state) if predicts else None
         try:
-            self._scoring.take(step, partial(self.tracker.predicted, self.state) if predicts else None)
+            self._scoring.take(delivery, answer, seconds, predicted)
         except Fault as fault:
             self._fail_at(fault)
         except Exception as error:
@@ -176,20 +183,20 @@ class TrackerRun:
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
         if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0
-        if self._scoring.waits:
+        if self._scoring.scorer.waits:
             return 0
         instants = self._deliveries[instant : instant + INSTANTS]
         taken = self._scoring.take_sequence(self.tracker, self.state, instants, instant)
         if taken is None:
             # Mostly a single instant is the reason: single steps lead past it.
-            self._step_by_step_until = instant + self._scoring.chunk
+            self._step_by_step_until = instant + self._scoring.scorer.chunk
             return 0
         self.state, count = taken
         return count
 
     def _note_error(self, error: BaseException) -> None:
         fault, begun = fault_of(error), self._delivery is not None
-        instant, sensor = (0, None) if self._delivery is None else (self._delivery[0], self._delivery[1].scan.sensor)
+        instant, sensor = (0, None) if not self._delivery else (self._delivery.instant, self._delivery.scan.sensor)
         hint = self._scoring.hint(fault) if begun else ""
         if hint:
             fault = TrackFault(f"{fault.cause} ({hint})", fault.kind, fault.place, fault.member)
@@ -200,5 +207,33 @@ class TrackerRun:
 
     def _fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         object, run = (None, None) if fault.member is None else self._scoring.place(fault.member)
-        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
-        self.failure = self._work.failure(self._piece, fault, run, **where)
+        self.failure = Failure(
+            cause=fault.cause,
+            place=fault.place,
+            step=instant,
+            time_s=float(self._time[instant]),
+            sensor=sensor,
+            object=object,
+            run=None if run is None else self._work.number(self._piece.scene, self._piece.runs[run]),
+        )
+
+
+def _with_second_drive(work: Work, batch: Batch, name: str, tracker: Any) -> Any:
+    """Wrap a plug-in so that a second drive checks it; built-in trackers and random ones are returned as they are.
+
+    In the second drive a batched tracker gets half of the batch, permuted; any other gets two runs in reverse order.
+    """
+    config, (piece,) = work.driven(name), batch.pieces
+    if not plugged_in(config) or is_random(tracker):
+        return tracker
+    random = stream(work.seed, work.noise_of(piece.scene), piece.runs.start, "second drive")
+    if tracker.batched:
+        order = random.permutation(batch.members)[batch.members // 2 :]
+    else:
+        runs = len(piece.runs)
+        chosen = np.sort(random.permutation(runs)[:RUNS])
+        # Members are numbered by object, then run.
+        order = np.concatenate([np.arange(0, batch.members, runs) + run for run in chosen])[::-1]
+    options = work.isolation, batch.multi_object, work.sensors
+    start = partial(start_stepper, config, work.folder, len(order), work.prepare_tracker, *options)
+    return CrossCheckedTracker(tracker, start, order)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,23 +13,27 @@ import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Indices, RecordedNoise, Truth
-from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, choose_engine
-from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
-from trackbench.metrics.reference import entry_velocity, typical_acceleration
+from trackbench.metrics.reference import (
+    ConditionalBound,
+    Information,
+    entry_velocity,
+    information,
+    typical_acceleration,
+)
 from trackbench.metrics.registry import metrics_for, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS, TrafficScoreOptions
 from trackbench.models.sensors import Sensor
-from trackbench.results import Failure
 from trackbench.runner.external_tracks import rows_of_files
-from trackbench.runner.scene import Scene
 from trackbench.scenario import Scenario, ScenarioConfig
 from trackbench.scenario.keys import TrackerEntry
-from trackbench.sensing.scans import ideal_sensors
+from trackbench.sensing.due import Due, find_due
+from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.sensing.scored_point import ScoredPoint, truth_of_point
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.late import LateScans
 from trackbench.truth import LoadedTruth
@@ -45,6 +50,50 @@ BATCH_SIZE, LARGEST_BATCH = 2000, 8000
 LARGEST_TOGETHER = 1000
 #: Members times instants of a block with a smoother, which keeps the filter's beliefs: some 100 MB.
 LARGEST_SMOOTHED = 250_000
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One ground truth with the noise-free measurements of its sensors."""
+
+    truth: Truth
+    sensors: list[IdealSensor]
+    each_measurement: bool = False
+    """Whether trackers are scored after each scan, and not once for all scans of one instant."""
+    point: ScoredPoint = "centre"
+    """Point of each body that estimates are compared with."""
+
+    @cached_property
+    def scored(self) -> Truth:
+        """True motion of the scored point of each body."""
+        return truth_of_point(self.truth, self.point)
+
+    def instants(self) -> Indices:
+        """Return the indices of the truth's steps at which trackers are scored: all steps with a measurement."""
+        if not self.sensors:
+            return np.arange(len(self.truth.time))
+        steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))
+        return steps if self.each_measurement else np.unique(steps)
+
+    @cached_property
+    def information(self) -> dict[str, Information]:
+        """Fisher information on the targets in each sensor's measurements, by sensor."""
+        return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
+
+    @cached_property
+    def bounds(self) -> dict[Hashable, ConditionalBound]:
+        """Cache of Cramér-Rao bounds, by the sensors that a tracker reads and how its tracks start."""
+        return {}
+
+    @property
+    def unlabelled(self) -> list[str]:
+        """Names of the sensors with recorded detections that are not labelled with objects."""
+        return [sensor.name for sensor in self.sensors if sensor.detections is not None]
+
+    @cached_property
+    def due(self) -> Due:
+        """Which objects must be tracked, may be tracked or are absent at each instant, with hidden identities."""
+        return find_due(self.truth, self.sensors)
 
 
 class BlockRuns(NamedTuple):
@@ -147,12 +196,6 @@ class Work:
         """Engine used on this machine: the chosen one, or NumPy where that one is missing."""
         return "numpy" if self.engine == "numpy" or unavailable() else "fused"
 
-    def engine_of(self, used: EngineUsed | None) -> EngineUsed | None:
-        """Return the engine ``used`` (None unless built in), with the reason if NumPy replaces the chosen one."""
-        if used is None or self.engine == self.engine_here:
-            return used
-        return used._replace(why_numpy=unavailable() or "")
-
     def pieces(self) -> list[BlockRuns]:
         """Cut the runs into blocks, each with twice as many runs as the block before it, up to a largest size.
 
@@ -205,11 +248,6 @@ class Work:
         """Return the text by which a scene's random numbers are seeded, beside seed, run and sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
 
-    def failure(self, piece: BlockRuns, fault: TrackFault, run: int | None, **where: Any) -> Failure:
-        """Return a tracker's failure as a result holds it; ``run`` counts from the first run of the block."""
-        number = None if run is None else self.number(piece.scene, piece.runs.start + run)
-        return Failure(cause=fault.cause, place=fault.place, run=number, **where)
-
     @property
     def headline(self) -> str:
         """Name of the metric that ranks trackers."""
@@ -240,31 +278,19 @@ class Work:
         return self.runs == 1 and (len(self.scenes) == 1 or (recorded and len(self.scenes) < FEWEST_SCENES))
 
     @property
-    def longest_scene(self) -> Scene:
-        """Scene with the most instants."""
-        return max(self.scenes, key=lambda scene: len(scene.instants()))
-
-    @property
     def longest_time(self) -> Array:
         """Times of the instants of the scene with the most instants, s."""
-        return self.longest_scene.truth.time[self.longest_scene.instants()]
+        return max((scene.truth.time[scene.instants()] for scene in self.scenes), key=len)
 
     def of_scenes(self, scenes: Collection[int]) -> Work:
         """Return the work for some scenes only; the first of them takes the place of all others."""
         first = self.scenes[min(scenes)]
         return replace(self, scenes=[each if number in scenes else first for number, each in enumerate(self.scenes)])
 
-    def scored_steps(self, scene: Scene) -> Indices:
-        """Return the indices of the truth's steps at which estimates are scored."""
-        return scene.instants() if not self.hidden else scene.due.steps
-
     def recorded_in(self, piece: BlockRuns) -> int | None:
         """Return the number of the recorded run within a block; None if that run is in another block."""
-        return self.recorded_run - piece.runs.start if self.has_recorded_run(piece) else None
-
-    def has_recorded_run(self, piece: BlockRuns) -> bool:
-        """Return whether a block contains the recorded run."""
-        return piece.scene == self.recorded_scene and self.recorded_run in piece.runs
+        is_here = piece.scene == self.recorded_scene and self.recorded_run in piece.runs
+        return self.recorded_run - piece.runs.start if is_here else None
 
     @property
     def late_sensors(self) -> list[str]:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.hostile import OF_THE_BENCH, PLUG_INS, scenario
-
-from trackbench.driving.descendants import descendants
+from tests.support.processes import descendants
 
 WHERE = ["--workers 2", "--cluster local:2"]
 #: By kind of plug-in: what it does in a worker, and how that is told.
@@ -43,7 +42,7 @@ def test_a_plug_in_that_ends_workers_ends_the_run(run: Run, tmp_path: Path, wher
     act, cause = ACTS[kind]
     done = run(kind, act, where)
     how = cause if "workers" in where else ""
-    message = f"trackbench: no result: the process of a worker ended{how}; "
+    message = f"trackbench: no result: the process of a worker ended{how}, "
     assert done.stderr.splitlines()[-1].startswith(message)
     assert "Traceback" not in done.stderr
     assert (done.returncode, done.stdout) == (2, "")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Tracks, Truth, of_runs, scan_of_run
-from trackbench.driving.drive import DriveStep
+from trackbench.driving.drive import Delivery
 from trackbench.metrics.built_in.step_time import StepTime
 from trackbench.metrics.ego import EgoScene
 from trackbench.metrics.evaluate import MetricSums, accumulators
@@ -133,25 +133,29 @@ class TrackScorer:
         self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in with_prediction}
         self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(measurements.scans))
 
-    def take(self, step: DriveStep[Tracks], predicted: Callable[[int], Tracks] | None = None) -> None:
+    def take(
+        self, delivery: Delivery, answer: Tracks, seconds: float, predicted: Callable[[int], Tracks] | None = None
+    ) -> None:
         """Add the tracker's answer to a scan; call it for each scan in order.
 
         Args:
-            step: scan and answer.
+            delivery: the scan.
+            answer: the tracks of all runs.
+            seconds: time that the step took, s.
             predicted: returns the tracks that a built-in tracker predicts for the scan in a run; None for a plug-in.
         """
         if self._untimed:
             self._untimed -= 1
         else:
-            self._seconds += step.seconds
+            self._seconds += seconds
             self._timed += 1
-        if step.read and step.number is not None:
-            self._taken.append((step.instant, step.answer, step.number))
+        if delivery.read and delivery.number is not None:
+            self._taken.append((delivery.instant, answer, delivery.number))
             if predicted is not None:
                 for run, tracks_before in self._predicted.items():
-                    tracks_before[step.number] = predicted(run)
-        if step.last:
-            self.tracks_at.append(step.answer)
+                    tracks_before[delivery.number] = predicted(run)
+        if delivery.last:
+            self.tracks_at.append(answer)
 
     def close(self, histories: Histories | None = None) -> list[ScoredTracks]:
         """Return the scores of each scene, from ``histories`` if given, else from the answers that ``take`` added."""

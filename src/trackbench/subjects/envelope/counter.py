@@ -10,8 +10,11 @@ import numpy as np
 from trackbench.api.plan import Listener, RunPlan
 from trackbench.api.run import run_scenarios
 from trackbench.base.types import Array
+from trackbench.metrics import evaluate
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.results import Result
-from trackbench.runner.tables import run_values
+from trackbench.runner.estimate_records import run_sums_record
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, point_distance
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, ClaimedLimit
 from trackbench.subjects.envelope.counter_models import (
@@ -183,7 +186,18 @@ def _failed_limit(claim: Claim, cell: ClaimCell, tracker: str) -> int | None:
 
 
 def _run_values(cell: MapCell, item: ClaimedLimit) -> Array | None:
-    """Return the value of a requirement's metric in each run ``(runs,)``; None where the metric has no value by run."""
+    """Return a requirement's metric in each run, ``(runs,)``, NaN in a run without a value; None if no run has one."""
     metric = next((metric for metric in cell.metrics if metric.path == item.metric), None)
     runs = cell.trackers[item.tracker].runs
-    return None if metric is None or not runs.sums else run_values(metric, runs.sums, len(runs.run))
+    if metric is None or not metric.columns or not runs.sums:
+        return None
+    evaluation = evaluate(runs.sums, np.zeros(len(runs.run), dtype=np.intp), [metric])
+    if metric.columns[0] in evaluation.run_columns:
+        columns = [evaluation.run_columns[name] for name in metric.columns]
+    elif "tracks" in metric.needs:
+        columns = [*run_sums(evaluation.sums[TRACKS.name], metric.name)]
+    else:
+        record = run_sums_record(evaluation, runs.sums[ESTIMATES.name], ())
+        columns = [np.asarray(record[name]) for name in metric.columns]
+    intervals = [metric.of_runs(*(column[run : run + 1] for column in columns)) for run in range(len(runs.run))]
+    return np.array([np.nan if interval is None else interval.value for interval in intervals])

@@ -37,7 +37,7 @@ def function_records(
     if not functions:
         return
     scene = work.scenes[work.recorded_scene]
-    time = scene.truth.time[work.scored_steps(scene)]
+    time = scene.truth.time[scene.instants()]
     yield (
         "decisions",
         [
