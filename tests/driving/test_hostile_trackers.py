@@ -323,3 +323,20 @@ def test_an_own_tracker_has_the_same_bits_in_either_process(
 def _use(tiny: Path, use: str) -> None:
     text = tiny.read_text(encoding="utf-8").replace("use: raw", f'use: "{use}"')
     tiny.write_text(text.replace('["radar"', '["radar"]') if "sensors: [" in use else text, encoding="utf-8")
+
+
+def test_a_copy_of_its_process_that_it_forks_does_not_answer(
+    run_tiny: Callable[..., Result], tmp_path: Path, write_module: Any
+) -> None:
+    code = (
+        "import os\nimport numpy as np\nclass T:\n    batched, steps, forks_at = True, 0, 3\n"
+        "    def step(self, state, scan):\n"
+        "        self.steps += 1\n        if self.steps == self.forks_at: os.fork()\n        n = scan.valid.size\n"
+        "        return 0, (np.full((4, n), float(self.steps)), np.eye(4)[:, :, None] * np.ones(n))\n"
+        "class Same(T):\n    forks_at = 0\n"
+    )
+    use = f"trackers.mine.use={write_module(tmp_path, code)}:T"
+    apart = run_tiny(use, folder=tmp_path)["mine"]
+    assert apart.failed is None
+    together = run_tiny(use.replace(":T", ":Same"), folder=tmp_path, isolation=Isolation(in_process=True))["mine"]
+    assert apart.metrics["position_rmse"].value == together.metrics["position_rmse"].value

@@ -10,8 +10,10 @@ import copy
 import faulthandler
 import io
 import os
+import pickle
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -33,10 +35,11 @@ class Host:
     Args:
         reference: ``module:Class`` or a published name.
         folder: first folder in which the tracker's module is looked for.
+        send: function that writes a frame to the bench.
     """
 
-    def __init__(self, reference: str, folder: Path | None) -> None:
-        self._reference, self._folder = reference, folder
+    def __init__(self, reference: str, folder: Path | None, send: Callable[[bytes], None]) -> None:
+        self._reference, self._folder, self._send = reference, folder, send
         self._several = False
         self._make: Callable[[], Any]
         self._spare: list[Any] = []
@@ -57,6 +60,8 @@ class Host:
                 return message_frame({"type": "done"})
             case "end":
                 self._trackers.pop(message["id"], None)
+            case "work":
+                return self._work(message)
         return None
 
     def _step(self, message: Mapping[str, Any]) -> bytes:
@@ -85,6 +90,17 @@ class Host:
         greeting |= {"batched": bool(getattr(tracker, "batched", False)), "random": is_random(tracker)}
         return message_frame(greeting)
 
+    def _work(self, message: Mapping[str, Any]) -> bytes:
+        """Call a function of the bench, ``module:name``, that examines the tracker; report its progress."""
+        notebook_classes.loads(message["classes"])
+        module, _, name = message["function"].partition(":")
+
+        def progress(done: float, expected: float) -> None:
+            self._send(message_frame({"type": "progress", "done": done, "expected": expected}))
+
+        returned = getattr(import_module(module), name)(**message["arguments"], progress=progress)
+        return message_frame({"type": "returned", "pickled": pickle.dumps(returned)})
+
 
 def _copied(tracker: Any, state: Any) -> tuple[Any, Any]:
     if hasattr(tracker, "__del__") and not hasattr(tracker, "__deepcopy__"):
@@ -98,9 +114,18 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
     parser.add_argument("tracker", help="module:Class, or a published name")
     parser.add_argument("--folder", type=Path, help="where its module is looked for first")
     options = parser.parse_args(arguments)
-    requests, answers, leave = os.fdopen(os.dup(0), "rb"), os.dup(1), os._exit
+    requests, answers, process, leave = os.fdopen(os.dup(0), "rb"), os.dup(1), os.getpid(), os._exit
     _give_streams(answers)
-    host = Host(options.tracker, options.folder)
+
+    def send(frame: bytes) -> None:
+        if os.getpid() != process:
+            # A fork of this process, made by the tracker, must not answer.
+            leave(1)
+        rest = memoryview(frame)
+        while rest:
+            rest = rest[os.write(answers, rest) :]
+
+    host = Host(options.tracker, options.folder, send)
     try:
         while True:
             message = read_message(requests.read)
@@ -108,9 +133,8 @@ def serve_tracker(arguments: Sequence[str]) -> NoReturn:
                 answer = host.answer(message)
             except BaseException as error:
                 answer = message_frame(error_message(error))
-            rest = memoryview(answer or b"")
-            while rest:
-                rest = rest[os.write(answers, rest) :]
+            if answer is not None:
+                send(answer)
     except (EOFError, OSError):
         leave(0)
     finally:

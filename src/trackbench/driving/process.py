@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import pickle
 import select
 import signal
 import struct
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import time
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.reduction import send_handle
@@ -19,11 +20,13 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, BinaryIO
 
+from trackbench.base import notebook_classes
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.exit_status import how_it_ended
+from trackbench.base.types import Progress
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import Kind, TrackFault, reported_error
-from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, frame_message
+from trackbench.driving.frames import LARGEST, LENGTH, NotAFrame, frame_message, message_frame
 from trackbench.driving.isolation import GIGABYTE, Isolation
 
 #: Environment variable that marks every tracker's process.
@@ -196,6 +199,24 @@ class TrackerProcess:
         if answer.get("type") == "error":
             raise reported_error(answer, self.members, self._name)
         return answer
+
+    def work(self, function: str, arguments: Mapping[str, Any], progress: Progress) -> Any:
+        """Call a function of trackbench in a Python tracker's process; return its result.
+
+        Args:
+            function: ``module:name``; it must report progress, or end, within the time limit of an answer.
+            arguments: arguments of the function, texts and numbers only.
+            progress: called with each progress report.
+
+        Raises:
+            TrackFault: the process has ended, is late, or wrote no valid answer.
+            InputError: the tracker cannot be found or does not take its options.
+        """
+        classes = notebook_classes.dumps(None)
+        self.send(message_frame({"type": "work", "function": function, "arguments": arguments, "classes": classes}))
+        while (answer := self.receive()).get("type") == "progress":
+            progress(answer["done"], answer["expected"])
+        return pickle.loads(answer["pickled"])
 
     def failed(self, cause: str, kind: Kind = "answer", place: str | None = None) -> TrackFault:
         """End the process if it still runs; return the fault with a cause, for the caller to raise."""

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from trackbench import results
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.notebook_classes import reference_to
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.process import TrackerProcess
+from trackbench.driving.program import host_command
 from trackbench.results import EXAMINATION
 from trackbench.scenario import Scenario
 from trackbench.subjects.doctor.assumptions import require_known_checks
@@ -25,7 +27,7 @@ from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.report import Examination, examination_verdict
 from trackbench.subjects.doctor.session import TrackerSession
-from trackbench.subjects.doctor.subject import find_tracker, find_tracker_in
+from trackbench.subjects.doctor.subject import find_tracker, find_tracker_in, gets_own_process
 from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
 from trackbench.testing.drives import drive, hidden_drive
 from trackbench.testing.rules import Identities, gives_reports
@@ -53,6 +55,43 @@ def hint_at_identities(target: str, options: Mapping[str, Any], isolation: Isola
     if hidden:
         return f"{target} follows one object: choose known" if gives_reports(answers_of_one_object) else ""
     return f"{target} follows several objects: choose hidden" if gives_reports(answers_of_several_objects) else ""
+
+
+def _examine_in_own_process(
+    tracker: str, request: Mapping[str, Any], isolation: Isolation, progress: Progress
+) -> Examination | None:
+    """Examine a tracker within a process of its own; return None if it gets no such process, or if the process dies.
+
+    The caller then examines the tracker from this process, which finds the step that ends the tracker's process.
+    """
+    if not gets_own_process(tracker, isolation):
+        return None
+    process = None
+    try:
+        process = TrackerProcess(isolation, *host_command(tracker))
+        answer = process.work(f"{__name__}:examine_here", {"tracker": tracker, **request}, progress)
+    except TrackFault:
+        return None
+    finally:
+        if process is not None:
+            process.close()
+    if isinstance(answer, TrackbenchError):
+        raise answer
+    return answer if isinstance(answer, Examination) else None
+
+
+def examine_here(tracker: str, progress: Progress, **request: Any) -> Examination | TrackbenchError:
+    """Examine a tracker in this process; return the error if it cannot be examined.
+
+    Args:
+        tracker: ``module:Class`` or a published name.
+        progress: called with the number of steps done and the estimated number of all steps.
+        **request: further arguments of :func:`doctor`.
+    """
+    try:
+        return doctor(tracker, in_process=True, progress=progress, **request)
+    except TrackbenchError as error:
+        return error
 
 
 @contextmanager
@@ -104,9 +143,21 @@ def doctor(
     if not isinstance(tracker, str):
         tracker = reference_to(tracker)
     values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout, tracker_memory)
+    request = {
+        "options": values,
+        "scenario": None if scenario is None else str(scenario),
+        "identities": identities,
+        "static_sensors": static_sensors,
+        "no_misses": no_misses,
+        "skip": list(skip),
+    }
     if out is not None:
         results.require_replaceable(Path(out), EXAMINATION)
         results.require_writable(Path(out).parent)
+    if (examination := _examine_in_own_process(tracker, request, isolation, progress)) is not None:
+        if out is not None:
+            examination.save(out)
+        return examination
     with _redirect_prints():
         try:
             file = None if scenario is None else Path(scenario)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest_choices
-from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.driving.start import fresh, fresh_tracks
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
@@ -113,6 +113,19 @@ def find_tracker_in(
     sensors = None if sensor_scenario is None else sensor_scenario.config.sensors
     examined = _read_tracker(loaded, name, options, sensors, isolation)
     return examined if examined.multi_object else _with_observer(examined, sensor_scenario or loaded)
+
+
+def gets_own_process(target: str, isolation: Isolation) -> bool:
+    """Return whether a tracker is a Python class that gets a process of its own."""
+    file, mark, name = target.rpartition("#")
+    if not mark:
+        config: FilterConfig | PluginConfig = PluginConfig.model_validate({"use": use_of(target)})
+    else:
+        scenario = load_scenario(Path(file)).config
+        if name not in scenario.trackers:
+            return False
+        config = scenario.driven(name)
+    return isolation.of(config) and not is_program(config)
 
 
 def _with_observer(examined: ExaminedTracker, scenario: Scenario) -> ExaminedTracker:
