@@ -229,9 +229,9 @@ def test_a_hundred_thousand_steps(name: str) -> None:
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ("lidar.position_sigma_m=1.0e-9", "greater than or equal to 0.000001"),
-        ("lidar.position_sigma_m=1.0e+5", "less than or equal to 10000"),
-        ("radar.azimuth_sigma_deg=1.0e-8", "greater than or equal to 0.0000001"),
+        ("lidar.position_sigma_m=1.0e-9", "must be at least 1e-06"),
+        ("lidar.position_sigma_m=1.0e+5", "must be at most 10000"),
+        ("radar.azimuth_sigma_deg=1.0e-8", "must be at least 1e-07"),
     ],
 )
 def test_errors_beyond_the_ranges_are_refused_with_the_reason(stated: str, words: str) -> None:

@@ -89,7 +89,7 @@ def test_scans_say_their_place_among_those_of_one_time(
         ("[0.2, 0.1]", "the least comes first: [0.1, 0.2]"),
         ("soon", "a number in seconds is needed"),
         ("{}", "write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]"),
-        ("-1", "greater than or equal to 0"),
+        ("-1", "must be at least 0"),
         ("[0.1]", "2"),
     ],
 )

@@ -57,11 +57,7 @@ class Program(TrackerProcess):
             command, name = config.use.resolved(folder), f"{config.use.name}: "
             working_folder = str((folder or Path.cwd()).resolve())
         else:
-            command, name = [*HOST, config.reference, *([] if folder is None else ["--folder", str(folder)])], ""
-            working_folder = "."
-            # The folder may have been deleted.
-            with suppress(FileNotFoundError):
-                working_folder = os.getcwd()
+            (command, working_folder), name = host_command(config.reference, folder), ""
         super().__init__(isolation, command, working_folder, name)
         self.members, self._several, self._numbers = batch, several, 0
         try:
@@ -166,6 +162,20 @@ class ProgramTracker:
 
     def __del__(self) -> None:
         self.program.end(self.number)
+
+
+def host_command(reference: str, folder: Path | None = None) -> tuple[list[str], str]:
+    """Return the command that serves a Python tracker, and its working directory.
+
+    Args:
+        reference: ``module:Class`` or a published name.
+        folder: first folder in which the tracker's module is looked for.
+    """
+    working_folder = "."
+    # The folder may have been deleted.
+    with suppress(FileNotFoundError):
+        working_folder = os.getcwd()
+    return [*HOST, reference, *([] if folder is None else ["--folder", str(folder)])], working_folder
 
 
 def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str, Sensor]) -> bytes:

@@ -132,7 +132,7 @@ def test_a_range_is_on_the_scale_of_its_option(scenario: Scenario, text: str, sc
         ("acceleration_sigma_mps2", "write KEY=LOW:HIGH"),
         ("acceleration_sigma_mps2=30:0.1", "acceleration_sigma_mps2=0.1:30"),
         ("acceleration_sigma_mps2=1:1", "the same"),
-        ("acceleration_sigma_mps2=-1:2", "greater than or equal to 0.000000001"),
+        ("acceleration_sigma_mps2=-1:2", "must be at least 1e-09"),
         ("acceleration_sigma_mps2=a:2", "no number"),
         ("acceleration_sigma=1:2", "acceleration_sigma_mps2"),
         ("yaw_acceleration_sigma_radps2=1:2", "motion cv does not use this"),
