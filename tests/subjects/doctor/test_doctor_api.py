@@ -200,7 +200,7 @@ def test_a_step_that_fails_is_a_finding(
         (["MODULE:Good", "--scenario", "none.yaml"], "none.yaml: there is no such file"),
         (["MODULE:Good", "--out", "tiny.yaml/out"], "--out: cannot write to tiny.yaml: it is a file, not a folder"),
         (["MODULE:Good", "--out", "/proc/doctor/x"], "--out: cannot write to /proc/doctor"),
-        (["MODULE:Good", "--out", "."], ".: it exists and is not a folder with examination.json, so it is not replaced"),
+        (["MODULE:Good", "--out", "."], ".: it exists and is not a folder with examination.json"),
     ],
 )
 def test_bad_input_is_one_line_and_2(
