@@ -25,7 +25,9 @@ def attribute(reference: str) -> Any:
     """Import and return the object that ``reference``, ``"module:attribute"``, names.
 
     Raises:
-        InputError: the module has no such attribute, a module of the same name is loaded, or it is no module's name.
+        InputError: the module has no such attribute, another file's module of that name is loaded already, or there is
+            no such module.
+
     """
     module, _, path = reference.partition(":")
     if module == NOTEBOOK:

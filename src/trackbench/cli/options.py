@@ -175,7 +175,8 @@ class RunOptions(NamedTuple):
     add: Callable[[Callable[..., Any]], Callable[..., Any]]
     """Decorator that adds the Click options to a command."""
     follow: Callable[[Sequence[Scenario], OptionValues], AbstractContextManager[Listener | None]]
-    """Function of scenarios and option values: a context with a listener, or None if no such option is given."""
+    """Function from scenarios and option values to a context manager, which gives a listener to the run, or None if no
+    option asks for one."""
 
 
 def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:

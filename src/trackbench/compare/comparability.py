@@ -62,7 +62,7 @@ class Group:
         """Return the metrics that have a value in each run, by dotted path.
 
         Raises:
-            InputError: the metric that ranks trackers has no value in each run.
+            InputError: a result lacks the metric that ranks trackers.
         """
         summaries = [entry.result.summary for cell in self.cells for entry in cell.entries.values()]
         of_results = [metric for summary in summaries for metric in summary.score.metrics]

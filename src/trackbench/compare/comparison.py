@@ -103,9 +103,9 @@ class PairDifference(ResultModel):
     entrant: Entrant
     against: Entrant
     value: float
-    """Value of ``entrant`` over the runs that are compared."""
+    """Value of the metric for the tracker ``entrant``, over the runs that are compared."""
     reference: float
-    """Value of ``against`` over the runs that are compared."""
+    """Value of the metric for the tracker ``against``, over the runs that are compared."""
     difference: float
     ci95: tuple[float, float] | None
     """95 % interval of the difference; None with fewer than two runs."""
@@ -206,8 +206,8 @@ class OverallChange(ResultModel):
     """Geometric mean over scenarios of the ratio to the baseline, less one, in percent; None where a value is not
     positive."""
     ci95: tuple[float, float] | None = None
-    """95 % interval of ``mean_percent`` for these scenarios with other noise and scenes. None where a scenario's
-    difference has no interval, or both trackers have the same value in every run."""
+    """95 % interval of the mean change. It covers other noise and other scenes of the same scenarios. None where a
+    scenario's difference has no interval, or both trackers have the same value in every run."""
 
 
 class RankedTracker(ResultModel):
@@ -313,7 +313,7 @@ class Comparison(ResultModel):
 
     @property
     def outcomes(self) -> list[GateOutcome]:
-        """Outcome of each limit for each tracker and scenario, group by group."""
+        """Outcome of each limit for each tracker and scenario."""
         return [item.outcome for group in self.groups for item in group.gates]
 
     @property

@@ -123,7 +123,7 @@ class ReplayMeasurements:
 
 
 class ReplayEvent(NamedTuple):
-    """Largest error or failure of a tracker, such as a lost track, at a time and a position."""
+    """Notable moment of a tracker, with time and position: its largest error, or a failure such as a lost track."""
 
     tracker: str
     kind: str

@@ -95,7 +95,7 @@ def _operator(op: str) -> Callable[[Any, Term | float], Term]:
 
 @dataclass(frozen=True)
 class Term:
-    """Node of a graph with Python's operators, so that formulas are readable."""
+    """Node of an expression graph, with Python's operators, so that equations read as formulas."""
 
     graph: Graph
     node: Node

@@ -34,10 +34,10 @@ def _fold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Nodes:
 
 
 def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
-    """Return nodes whether all or any entries hold along axes; without axes, return the way of a branch.
+    """Trace ``np.all`` or ``np.any``: along axes as nodes of the graph; without axes as the bool of an ``if``.
 
-    A branch in the traced function goes as if all, or none, of the entries held. This assumption becomes a guard. A
-    branch on input masks alone has no guard: it goes as if the mask differed between members.
+    An ``if`` in the traced function is followed as if all entries were true, or none. A guard checks this at run time.
+    An ``if`` on input masks alone has no guard: it is followed as if the mask differed between members.
     """
     nodes = cast(graph, nodes_of(graph, values), True)
     result = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])

@@ -345,9 +345,9 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return MultiModelBelief(probability, tuple(modes), belief.repaired)
 
     def mixture(self, belief: MultiModelBelief, chain: Array, to: int) -> tuple[Array, list[Gaussian]]:
-        """Return the modes from which a transition may lead to the mode ``to``, in the order of ``origins``.
+        """Return what the mode ``to`` is mixed from: probabilities and beliefs of M modes, in the order of ``origins``.
 
-        The tuple holds their probabilities ``(M, ...)`` given the transition, and their beliefs in that mode's state.
+        Probabilities ``(M, ...)`` are those of the modes given a transition to ``to``. Beliefs are in its state.
         """
         modes = [Gaussian(mode.mean, mode.covariance) for mode in belief.modes]
         _, *others = origins = self.origins(to)

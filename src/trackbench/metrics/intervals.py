@@ -25,7 +25,7 @@ TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the re
 
 
 class Stretch(NamedTuple):
-    """Factors that widen the sides of Student's interval, for few scenes or skewed runs."""
+    """Factors on the half widths of Student's interval, for few scenes or skewed runs."""
 
     toward: float = 1.0
     """Factor on the side of the value's limit: below an error, whose limit is 0."""
@@ -155,9 +155,9 @@ class Interval(NamedTuple):
     def stretch(self) -> Stretch:
         """Factors by which the half widths of Student's interval are stretched, for few scenes or for skewed runs.
 
-        Away from the limit, half the skewness of the influence over the root of the number of runs is added: Johnson
-        (1978), "Modified t tests and confidence intervals for asymmetrical populations". Towards the limit the interval
-        on the logarithmic scale reaches far enough.
+        A value may have a limit, such as 0 for an error. Away from the limit, half the skewness of the influence over
+        the root of the number of runs is added: Johnson (1978), "Modified t tests and confidence intervals for
+        asymmetrical populations". Towards the limit the interval on the logarithmic scale reaches far enough.
         """
         if self.scenes or not self.skewed or self.parts.too_few or self.constant:
             return self.parts.stretch

@@ -77,8 +77,8 @@ class ClassSums:
     square: Array
     """Square of the sum of each field within a part (a run or scene), added over the parts."""
     product: Array
-    """Sum of each field within a part times the number of its terms there, added over the parts. The terms of a NEES
-    are given estimates, those of other fields are all errors."""
+    """Sum over the parts (runs or scenes) of a field's sum in the part times its number of terms there. The terms of a
+    NEES are the estimates that the tracker gave; those of other fields include charges for missing estimates."""
     parts: Array
     """``(1, conditions)`` number of independent parts (runs or scenes) with an estimate under the condition."""
 

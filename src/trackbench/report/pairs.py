@@ -119,7 +119,7 @@ class Standing:
     """Short heading, for a terminal."""
     meaning: str
     cells: list[str]
-    """Text of the column for each scored tracker, best first."""
+    """Text in this column for each scored tracker, best first."""
 
 
 def standing(result: Result) -> Standing:

@@ -193,7 +193,7 @@ def answer_of_run(result: Result, not_met: str = "") -> str:
 
 
 def beaten_bound(result: Result) -> str:
-    """Return which trackers have errors below a true Cramér-Rao bound; empty if none has."""
+    """Return a sentence that names the trackers with errors below a Cramér-Rao bound that holds; empty without any."""
     names = [tracker.name for tracker in result.summary.trackers if tracker.beats_bound(result.summary.reference)]
     return "; ".join(f"{name} {BEATS_BOUND}" for name in names)
 

@@ -100,8 +100,8 @@ class ConditionVerdict(ResultModel):
     """Mean NEES under one condition, with the verdict on the covariance."""
 
     name: str
-    """Name of the condition: a manoeuvre, a range band, ``first second``, or ``position alone`` or ``velocity
-    alone``."""
+    """Name of the condition: a manoeuvre, a range band, ``first second``, or for the NEES of two components over all
+    estimates ``position alone`` or ``velocity alone``."""
     mean: float
     ci95: tuple[float, float]
     verdict: str

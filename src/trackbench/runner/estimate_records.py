@@ -121,7 +121,7 @@ def _bounds_of_mean(name: str, dof: int, count: Array) -> Record:
 
 
 def run_sums_record(evaluation: Evaluation, scores: BlockScores, plugin_columns: Sequence[str]) -> Record:
-    """Return a tracker's errors in each run, and the terms of each user's metric, for paired comparisons."""
+    """Return a tracker's errors and counts in each run, with the columns of metrics from plug-ins."""
     missing = np.full(len(scores.due), np.nan)
     nis, nis_count = (
         sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))

@@ -105,7 +105,10 @@ class Targets:
         before = self._arrived(last_lost)
 
         def detected_within(numbers: Mapping[str, Indices]) -> Mask:
-            """Return where a sensor's first ``numbers`` scans have a detection since the object was last lost."""
+            """Return where some sensor, in as many of its first scans as ``numbers`` says, has detected an object.
+
+            Detections before the object was last out of view for long do not count.
+            """
             detected = np.zeros((len(self._time), *shape), dtype=bool)
             for name in self._placing:
                 detected |= latest[name][numbers[name]] > before[name].astype(latest[name].dtype)

@@ -117,7 +117,7 @@ class ReferenceMotion(NamedTuple):
 
 @dataclass(frozen=True)
 class Work:
-    """Data that all blocks of a run share, such as scenes, trackers, rules of scoring and the engine."""
+    """Data that all blocks of Monte-Carlo runs share, such as scenes, trackers, rules of scoring and the engine."""
 
     scenario: str
     seed: int
@@ -158,7 +158,7 @@ class Work:
     counted_stretches: Sequence[tuple[int, int]] = ()
     """Number of the scene and number of the stretch, for each stretch that is scored."""
     few_scenes_decide: bool = False
-    """Whether one rare scene in a hundred may decide which of two trackers is better, as vehicles hide others."""
+    """Whether vehicles hide others, so that one scene in a hundred can turn which of two trackers is better."""
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
         """Return the settings of a tracker that the bench feeds with scans, unlike tracks from a file."""
@@ -298,7 +298,7 @@ class Work:
         return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
 
     def prepare_tracker(self, late: LateScans, change: Callable[[Any], Any] = lambda tracker: tracker) -> Any:
-        """Return a built-in tracker with the engine of this machine, and its handling of late scans if there are any.
+        """Return a built-in tracker that uses this machine's engine, with its handling of late scans if scans are late.
 
         Args:
             late: tracker with its handling of late scans.

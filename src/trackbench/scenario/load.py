@@ -167,7 +167,7 @@ def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
 
 
 def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenario], list[str]]:
-    """Return the scenario changed into each world, and a sentence on each world that does not fit it.
+    """Return the scenario changed into each world (its drivers and sensors), and why a world does not fit it.
 
     Args:
         loaded: the scenario; it is returned unchanged if it is in a world already.

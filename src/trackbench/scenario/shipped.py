@@ -19,7 +19,7 @@ def shipped() -> dict[str, Path]:
 
 
 def find_scenario(named: Path | str) -> Path:
-    """Return the file or folder that a path, or the name of a scenario or folder of the package, stands for.
+    """Return the file or folder that is meant by a path, or by a name of what the package ships.
 
     An existing path has precedence, unless it is a folder without scenarios and a scenario has its name.
 

@@ -14,7 +14,7 @@ from trackbench.truth.jumps import LARGEST
 
 
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
-    """Return the truth of the first scene: simulated, drawn or read."""
+    """Return the ground truth of the first scene: simulated traffic, scripted motion, or motion read from a file."""
     try:
         first = _load(_setting(loaded), truth_source(loaded), progress)
         require_rates(loaded)

@@ -111,7 +111,7 @@ VAN, TRUCK = (7.0, 2.0), (10.0, 2.5)
 
 
 def with_sizes(frames: Frames, shares: VehicleSizes, seed: int) -> Frames:
-    """Return the frames with drawn bodies as large as vans and trucks; the ego keeps its size.
+    """Return the frames with some bodies, chosen at random, as large as vans and trucks; the ego keeps its size.
 
     A body's size depends only on the seed and its name. The motion is unchanged: in highway-env the length is also the
     wheelbase, and drivers measure gaps from centre to centre, so that these sizes would change it.

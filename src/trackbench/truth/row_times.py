@@ -34,7 +34,9 @@ def row_period(stamp: Array) -> tuple[float, Mask]:
 
 
 def nearest_rows(stamp: Array, time: Array) -> tuple[Indices, Array, Indices]:
-    """Return, for each time, the nearest row's index (in a tie the earlier), its distance, s, and the preceding index.
+    """Return, for each time, the nearest row (in a tie the earlier), its distance, s, and the last row before the time.
+
+    Rows are indices. The last row before the time is limited to 0 ... rows - 2, also for times outside all rows.
 
     Args:
         stamp: ``(rows,)`` time stamps, s, ascending.

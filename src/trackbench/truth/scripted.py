@@ -141,7 +141,11 @@ def _driven_by_noise(
 
 
 def _polyline(points: Array, speed: float | None, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
-    """Move straight from one of ``points`` ``(points, 2)`` m to the next, and straight on after the last."""
+    """Return the motion at the times ``elapsed``, s, along straight legs, and the state at the last of these times.
+
+    The legs lead from ``state`` through ``points`` ``(points, 2)``, m, and straight on after the last of them.
+    ``speed`` None keeps the speed of ``state``.
+    """
     pace = np.abs(state.speed) if speed is None else np.full_like(state.px, speed)
     waypoints = np.broadcast_to(points[:, :, None], (*points.shape, len(state.px)))
     corners = np.concatenate([np.stack([state.px, state.py])[None], waypoints])

@@ -102,7 +102,7 @@ def share(name: str, meaning: str, better: Direction | None, **options: Any) -> 
 
 
 def root_of(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
-    """Make an error metric of tracks that is the root of a mean square."""
+    """Make a metric of tracks, the root of the mean of the squares that the scorer sums under ``name``."""
     return run_ratio(name, unit, meaning, "smaller", combine="root", **options)
 
 

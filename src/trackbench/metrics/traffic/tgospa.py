@@ -207,7 +207,10 @@ def _path_of_one(gain: Array, half: float) -> Array:
 
 
 def _joint_assignments(pairs: ObjectTrackPairs) -> Array | None:
-    """Return every set of pairs in which no object or track occurs twice, ``(S, E)``; None where there are too many."""
+    """Return which of the E pairs each of S sets has, ``(S, E)``: all sets without an object or track twice.
+
+    None where there are too many.
+    """
     sets: list[tuple[int, ...]] = [()]
     for item in np.unique(pairs.object):
         pairs_of_item = np.flatnonzero(pairs.object == item).tolist()

@@ -206,7 +206,10 @@ def _pairing(result: ComparedResult) -> str:
 
 
 def _tests(comparison: Comparison) -> int:
-    """Return the number of differences tested together; between sets of results, identical ones are not tested."""
+    """Return the number of differences that are tested together.
+
+    In a single set of results all count. Between sets, those with the same value in every run are not tested.
+    """
     return sum(len(comparison.sets) == 1 or not item.identical for item in comparison.differences)
 
 

@@ -90,9 +90,9 @@ class SamplingErrors(NamedTuple):
     """Standard errors of implied models by the tracker's random samples; zeros for a tracker without samples."""
 
     direction: Array
-    """Standard error ``(m,)`` of each row's ``direction``."""
+    """Standard error ``(m,)`` of the ``direction`` of each row of the implied Jacobian."""
     size: Array
-    """Standard error ``(m,)`` of the logarithm of each row's ``size``."""
+    """Standard error ``(m,)`` of the logarithm of the ``size`` of each row of the implied Jacobian."""
     noise: Array
     """Standard error ``(m,)`` of the logarithm of each component's noise, which is the median over the trials."""
 

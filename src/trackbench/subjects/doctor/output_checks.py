@@ -35,7 +35,7 @@ class WorstCase:
 
     size: float
     where: str
-    """Name of the probe or test drive."""
+    """Name of the probe (a target for single measurements) or test drive in which the worst case occurred."""
     time: float
     """Time of the estimate, s."""
     sensor: str

@@ -96,7 +96,7 @@ class ClaimCell(ResultModel):
     added: bool
     """Whether the cell was added near a border, beside the grid from which the map starts."""
     measurements: list[str]
-    """Hash of the measurements of the runs added at each look."""
+    """Hash of the measurements of the runs that were added before each interim look."""
     trackers: dict[str, TrackerState]
 
     @property
@@ -231,7 +231,7 @@ class Envelope:
 
     @cached_property
     def nearest_run(self) -> Result | None:
-        """Result of the nearest counter-example's run; None where there is none, or its folder is gone."""
+        """Result of the run of the counter-example nearest to its base point; None without one or its folder."""
         counter = self.claim.counter_examples
         nearest = min(counter.examples if counter else (), key=lambda example: example.distance, default=None)
         if nearest is None or nearest.folder in self.shown:

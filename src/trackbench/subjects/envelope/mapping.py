@@ -106,7 +106,7 @@ class TrackerCell:
 
 @dataclass
 class MapCell:
-    """Point of the map with the runs and states of its trackers."""
+    """Point of the map, with its runs and with whether each tracker's requirement holds there."""
 
     point: Point
     loaded: Scenario

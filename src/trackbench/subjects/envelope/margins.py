@@ -70,7 +70,10 @@ def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
 
 
 def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> AxisMargin:
-    """Return the states and crossings of a tracker along a line: cells that differ in axis ``number`` alone."""
+    """Return in which cells of a line a tracker's requirements hold, and where the line crosses the border.
+
+    ``line`` has cells that differ in axis ``number`` alone, in the order of that axis.
+    """
     axes = claim.axes
     axis, first = axes[number], line[0].point
     at = tuple((other, first[i]) for i, other in enumerate(axes) if i != number)

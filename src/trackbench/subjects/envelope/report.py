@@ -150,7 +150,7 @@ def _headline(claim: Claim) -> Iterator[Block]:
 
 
 def _maps(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[tuple[Figure, ...]]:
-    """Yield the figures of each pair of axes: the borders of several trackers, and the cells of each tracker."""
+    """Yield the figures of each pair of axes: where requirements cease to hold, together, and each tracker's cells."""
     from trackbench.subjects.envelope.map_figures import borders_figure, map_figure, pairs_of
 
     for pair in pairs_of(claim)[:_MOST_PAIRS]:

@@ -27,7 +27,7 @@ class FunctionMetric(Metric):
     stem: ClassVar[str]
     """First part of the metric's name; the name of the function follows."""
     label: ClassVar[str]
-    """Name of the function in the scenario."""
+    """Name of the driver assistance function: its key under ``functions:`` in the scenario."""
     function: ClassVar[Function]
     total: ClassVar[str]
     """Row of the sums with the metric's total; ``count`` is the row with the number of terms."""

@@ -36,7 +36,8 @@ class OnPath(NamedTuple):
     stretch: Array
     """Ratio of a way at the object's lateral distance to the way along the path: below 1 inside a curve."""
     turn: Array
-    """Change of the path's direction per metre of the object's way, rad/m."""
+    """Turn of the path's direction for each metre that the object travels, rad/m; beside a path it is not the
+    path's curvature."""
     covariance: Array
     """Covariance of the object's px, py, vx, vy, ``(4, 4, K, ...)``."""
     lengths: Array

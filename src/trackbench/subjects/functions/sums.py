@@ -124,7 +124,7 @@ class Times(NamedTuple):
     """First time of the interval, s; ``stop`` is its last."""
     stop: Array
     object: Indices
-    """Column of the true object at the start; -1 where there is none."""
+    """Index of the true object at the start of each interval; -1 where there is none."""
 
     @classmethod
     def of(cls, spans: Spans, time: Array, object: Indices) -> Times:

@@ -23,8 +23,8 @@ def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
     """Find what is wrong with a log, and put it right.
 
     LOG is a scenario whose truth is recorded, with measurements. Of each sensor: bias, noise, time offset, mount,
-    units, detections; and the clocks and the velocity of the truth. Writes a report and scenario.yaml, which is LOG
-    with the findings put in, if they explain it.
+    units, detections; and the clocks and the velocity of the truth. Writes a report, and where the findings
+    explain the errors, scenario.yaml: LOG with the findings put in.
 
     \b
     Example:

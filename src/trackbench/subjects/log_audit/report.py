@@ -26,7 +26,7 @@ _METHOD = (
 
 
 def log_audit_document(audit: LogAudit) -> Document:
-    """Return the report of an audit."""
+    """Return the report of an audit: its summary, a replay, and what was found on each sensor and clock."""
     blocks: list[Block] = [
         *log_audit_summary(audit).blocks,
         *_replay(audit),

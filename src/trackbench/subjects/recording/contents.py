@@ -57,7 +57,7 @@ class Contents:
 
     @property
     def function_events(self) -> list[FunctionEvent]:
-        """Wrong decisions of functions in the recorded run."""
+        """Wrong decisions of driver assistance functions in the recorded run."""
         run, functions = self.result.summary.recorded_run, split(self.decisions, "function")
         events = (event for (function,) in functions for event in function_events(self.result, function, run=run))
         return [event for event in events if event.tracker in self.colours]

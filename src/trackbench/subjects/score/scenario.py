@@ -35,12 +35,13 @@ class FileOptions(NamedTuple):
     """Options of all files that their names do not tell."""
 
     columns: Sequence[tuple[str, str]]
-    """Keys with their columns, optionally with a unit: ``timestamp:ns``; a key may have one column for each file."""
+    """Pairs of a key and a column of the files. A unit may end the column's name: ``timestamp:ns``. A key comes again
+    where its column differs between the files."""
     format: str | None = None
     """Format of the files; None or auto for a format by each file's ending."""
     rate_hz: float | None = None
     truth_format: str | None = None
-    """Format of the boxes; None for the format of the tracks."""
+    """Format of the files with the true boxes; None for the format of the tracks."""
 
 
 def scoring_scenario(

@@ -39,7 +39,7 @@ class Parameter:
         return self.scale != "choice"
 
     def rounded(self, value: float) -> float:
-        """Return a number within the range, with few digits; near probability one, with few of its complement."""
+        """Return the value within the range, rounded to few digits; of a probability p above 0.5, 1 - p is rounded."""
         if self.scale == "odds" and value > 0.5:
             short = round(1.0 - float(f"{1.0 - value:.{DIGITS}g}"), 12)
         else:

@@ -64,7 +64,7 @@ def _main_values(compared: list[MeasureComparison]) -> str:
 
 
 def _pair(tuned: float, start: float, unit: str = "") -> str:
-    """Return "start -> tuned" with equal decimals, at most four, so that the smaller value has four digits."""
+    """Return "start -> tuned", both with the decimals, at most four, that show four digits of the smaller value."""
     least = min((abs(value) for value in (tuned, start) if value), default=1.0)
     places = min(4, max(0, 3 - math.floor(math.log10(least))))
     return f"{rounded(start, places)} -> {rounded(tuned, places)}{unit}"

@@ -54,7 +54,7 @@ class Association(NamedTuple):
     log_ratio: Array
     """Log-likelihood ratio ``(L,)`` of the detections with the track's object to the detections without it."""
     existence: Array | None = None
-    """Probabilities ``(2, L)`` of existence and, given existence, of being visible; None for a method without them."""
+    """Probabilities ``(2, L)`` that each of L tracks exists and that it is visible if it exists; None without them."""
 
 
 def hard_association(inputs: AssociationInput, track: Indices, detection: Indices, log_ratio: Array) -> Association:

@@ -33,7 +33,7 @@ class FixedObserver(Config):
 
 
 class MovingObserver(FixedObserver):
-    """Point with the sensors, at rest or in straight and steady motion, which may turn as it goes."""
+    """Point that carries the sensors, at rest or in straight and steady motion; its heading may turn."""
 
     vx_mps: Velocity = Field(0, description="Velocity along x in the fixed frame, m/s.")
     vy_mps: Velocity = Field(0, description="Velocity along y in the fixed frame, m/s.")

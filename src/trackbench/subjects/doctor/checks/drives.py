@@ -115,7 +115,7 @@ class JudgedDrive(NamedTuple):
     },
 )
 def drives(tracker: TrackerUnderTest) -> PartResult:
-    """Run every test drive, with the measurements that the reference tracker had."""
+    """Judge the tracker's errors on every test drive, beside those of a reference tracker on the same measurements."""
     result = PartResult()
     judged = []
     for drive, outcome in tracker.once(judge_drives):

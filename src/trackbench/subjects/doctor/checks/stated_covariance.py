@@ -105,7 +105,7 @@ class OwnCovariance(NamedTuple):
 
 
 def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
-    """Report that the gains of all sensors are made of one covariance, and a different one is returned."""
+    """Return a finding if the gains of all sensors follow from one covariance and the tracker returns another."""
     if has_samples(tracker):
         return None
     targets = _own_covariances(list(tracker.trials.values()))

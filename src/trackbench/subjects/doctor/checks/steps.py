@@ -95,7 +95,7 @@ def require_runnable(tracker: TrackerUnderTest) -> None:
     },
 )
 def steps(tracker: TrackerUnderTest) -> PartResult:
-    """Report the steps that failed while the checks before were made, with their causes."""
+    """Report the steps of the tracker that failed during earlier checks, with their causes."""
     findings, failed = failure_findings(tracker), tracker.failures
     text = "no step failed" if not failed else f"{counted(len(failed), 'step')} failed, first: {_sentence(*failed[0])}"
     return PartResult().add("steps", not findings, text, *findings)

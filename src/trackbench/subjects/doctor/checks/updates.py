@@ -150,7 +150,10 @@ def _answers(held: OwnFilter, scan: Scan, covariance: Array, after_s: float = IN
 def _derivative(
     sides: Sequence[Sequence[HeldAfter | None]], function: Callable[[HeldAfter], Array | None]
 ) -> Array | None:
-    """Return the derivative of ``function``'s value by the measurement in sigma; None where a value is missing."""
+    """Return the derivative of ``function`` with respect to the measurement, in units of its standard deviation.
+
+    ``sides`` are the updates with each component of the measurement moved up and down. None where a value is missing.
+    """
     columns = []
     for ahead, behind in sides:
         values = [None if side is None else function(side) for side in (ahead, behind)]

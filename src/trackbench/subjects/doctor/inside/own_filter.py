@@ -113,7 +113,10 @@ class OwnFilter:
         return np.stack(columns, axis=1)
 
     def outputs(self, scan: Scan) -> Array | None:
-        """Return the derivative ``(4, n)`` of the estimate after a scan by the mean held after it; None on failure."""
+        """Return the derivative ``(4, n)`` of the estimate with respect to the filter's own mean, both after a scan.
+
+        None where a step fails.
+        """
         stacked = self.derivative(scan, _returned_and_held)
         return None if stacked is None else np.asarray(stacked[:4] @ np.linalg.pinv(stacked[4:], rcond=ROUNDING))
 
