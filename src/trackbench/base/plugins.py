@@ -25,8 +25,9 @@ def attribute(reference: str) -> Any:
     """Import and return the object that ``reference``, ``"module:attribute"``, names.
 
     Raises:
-        InputError: the module has no such attribute, another file's module of that name is loaded already, or there is
-            no such module.
+        InputError: the module has no such attribute, is given as a path or is a notebook, or another module of its name
+            is loaded.
+        ModuleNotFoundError: there is no such module.
 
     """
     module, _, path = reference.partition(":")

@@ -188,7 +188,7 @@ def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def followers(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[list[Listener]]:
-    """Yield the listeners to the run that the options of subjects ask for.
+    """Yield the listeners to the run that the command's options of subjects, such as ``--live``, ask for.
 
     Raises:
         InputError: options contradict each other, or do not fit the scenarios.

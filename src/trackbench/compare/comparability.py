@@ -59,10 +59,10 @@ class Group:
         return ", ".join(cell.scenario for cell in self.cells)
 
     def metrics(self) -> dict[str, Metric]:
-        """Return the metrics that have a value in each run, by dotted path.
+        """Return the metrics that are computed run by run, by dotted path.
 
         Raises:
-            InputError: a result lacks the metric that ranks trackers.
+            InputError: the metric that ranks trackers is none of them.
         """
         summaries = [entry.result.summary for cell in self.cells for entry in cell.entries.values()]
         of_results = [metric for summary in summaries for metric in summary.score.metrics]

@@ -123,7 +123,7 @@ class PairDifference(ResultModel):
     scenes: int
     """Number of scenes of the compared runs; several scenes are the independent parts."""
     few_scenes_decide: bool = False
-    """Whether one rare scene in a hundred may decide which of two trackers is better, as vehicles hide others."""
+    """Whether vehicles hide others, so that one scene in a hundred can turn which of two trackers is better."""
     scenes_in_words: str = ""
     """Number and kind of the compared scenes, such as "6 sequences"; empty for one scene."""
     repeatable: bool = False

@@ -39,7 +39,7 @@ def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
 
 
 def series(values: Array, quantum: float) -> dict[str, Any]:
-    """Return values, in units of ``quantum``, as integer first or second differences, whichever are smaller."""
+    """Return values as integers, multiples of ``quantum``: their first or second differences, whichever sum to less."""
     counts = np.rint(np.clip(np.asarray(values, dtype=float) / quantum, -_LARGEST, _LARGEST)).astype(np.int64)
     differences = {order: np.diff(counts, order, prepend=[0] * order) for order in (1, 2)}
     order = min(differences, key=lambda order: int(np.abs(differences[order]).sum()))

@@ -273,7 +273,10 @@ class TrackerProcess:
         return self.failed(f"its output is no message: it begins with {_shown_bytes(self._received)}; {hint}")
 
     def _place(self, patience: float = 0.0) -> str | None:
-        """Return the last line of the tracker's code in Python's dump, after reading output for ``patience`` s."""
+        """Return the innermost line of the tracker's code in the stack that Python dumped; None without one.
+
+        Output is read for ``patience`` s first.
+        """
         while len(self._received) < LONGEST_DUMP and self._readable.poll(1000 * patience):
             content = os.read(self._in, READ)
             if not content:

@@ -37,7 +37,7 @@ def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
     """Trace ``np.all`` or ``np.any``: along axes as nodes of the graph; without axes as the bool of an ``if``.
 
     An ``if`` in the traced function is followed as if all entries were true, or none. A guard checks this at run time.
-    An ``if`` on input masks alone has no guard: it is followed as if the mask differed between members.
+    An ``if`` on input masks alone has no guard: ``all`` counts as False and ``any`` as True, as in a mixed batch.
     """
     nodes = cast(graph, nodes_of(graph, values), True)
     result = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])

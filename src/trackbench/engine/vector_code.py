@@ -194,7 +194,7 @@ class Text:
         return self._new(f"load ptr, ptr {self._new(f'getelementptr i8, ptr {array}, i64 {HEAD}')}, align 8")
 
     def listed(self, number: int) -> Place:
-        """Write the load of an array's address and row distance at an index of ``%list``; return their registers."""
+        """Write the load of an array's address and row distance from the list of arrays; return the two registers."""
         base, stride = self.entry("%list", 2 * number), self.entry("%list", 2 * number + 1)
         return self._new(f"load ptr, ptr {base}, align 8"), self._new(f"load i64, ptr {stride}, align 8")
 

@@ -45,8 +45,8 @@ class Target(NamedTuple):
     divergence: float
     """Position error above which a run has diverged, m."""
     reference: Array
-    """``(2, instants, objects, runs or 1)`` Cramér-Rao bound, or its like, of the squared error of position, m^2, and
-    of velocity, (m/s)^2."""
+    """``(2, instants, objects, runs or 1)`` Cramér-Rao bound of the squared error of position, m^2, and of velocity,
+    (m/s)^2, for objects with white acceleration. For objects that move otherwise it is a reference, no bound."""
 
     def each(self, mask: Mask) -> Mask:
         """Reshape a mask of this target, such as ``due``, to ``(instants, objects * runs)``."""

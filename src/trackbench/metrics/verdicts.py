@@ -306,8 +306,10 @@ def only_where(nees: MetricValue, most: int = 2) -> str:
 def what_is_off(nees: MetricValue, most: int = 4, word: str | None = None) -> str:
     """Return under which conditions a covariance is off, farthest first, with mean NEES: "turning 39.7, straight 2.9".
 
-    The text names the conditions with a mean that is off. A mixed verdict without such conditions names the two that
-    are furthest apart. Other verdicts without them give shares: "15 % beyond the 95 % point (5 % expected)".
+    The text names the conditions with a mean that is off. A heavy-tailed verdict, or one without such conditions, gives
+    shares: "15 % beyond the 95 % point (5 % expected)". A mixed verdict without either names the two conditions that
+    are furthest apart.
+
 
     Args:
         nees: NEES with its verdict.

@@ -128,7 +128,7 @@ class TruthSummary(ResultModel):
     scenes: list[SceneSummary] = Field(default_factory=list)
     """All scenes of the run; empty where there is only one."""
     few_scenes_decide: bool = False
-    """Whether one rare scene in a hundred may decide which of two trackers is better, as vehicles hide others."""
+    """Whether vehicles hide others, so that one scene in a hundred can turn which of two trackers is better."""
     motion: list[str] = Field(default_factory=list)
     """Fingerprint of the motion in each scene. One that is the beginning of another shows the same scene, recorded for
     a shorter time."""

@@ -182,7 +182,7 @@ def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummar
 
 
 def _fingerprints(work: Work, digest: bytes) -> list[str]:
-    """Return a run's fingerprint; for a cut log, one for each stretch, all of which depend on the whole log."""
+    """Return the fingerprint of a run's measurements, from their ``digest``; one per stretch for a log that is cut."""
     if not work.stretches:
         return [fingerprint_of(digest)]
     parts = (hashlib.sha256(digest + b"%d of %d" % (n, work.stretches)) for n in range(work.stretches))

@@ -105,9 +105,10 @@ class Targets:
         before = self._arrived(last_lost)
 
         def detected_within(numbers: Mapping[str, Indices]) -> Mask:
-            """Return where some sensor, in as many of its first scans as ``numbers`` says, has detected an object.
+            """Return at which instants ``(instants, objects, runs)`` an object was detected since it was last lost.
 
-            Detections before the object was last out of view for long do not count.
+            Args:
+                numbers: number of scans ``(instants,)`` to search, from the first to arrive, by sensor.
             """
             detected = np.zeros((len(self._time), *shape), dtype=bool)
             for name in self._placing:

@@ -137,7 +137,7 @@ def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Reco
 
 
 def _other_tracks(work: Work, blocks: Sequence[Block], names: Iterable[str]) -> list[Record]:
-    """Return the tracks in all scenes but the recorded one, in the run of the recorded number."""
+    """Return the tracks of each scene but the recorded one, in the run with the same number as the recorded run."""
     records: list[Record] = []
     for block in (block for block in blocks if block.piece.scene != work.recorded_scene):
         scene = work.scenes[block.piece.scene]

@@ -298,7 +298,7 @@ class Work:
         return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
 
     def prepare_tracker(self, late: LateScans, change: Callable[[Any], Any] = lambda tracker: tracker) -> Any:
-        """Return a built-in tracker that uses this machine's engine, with its handling of late scans if scans are late.
+        """Return a built-in tracker with this machine's engine, wrapped for late scans only if a sensor has a latency.
 
         Args:
             late: tracker with its handling of late scans.

@@ -219,7 +219,7 @@ class FilterTracker(BuiltInTracker):
         return state if time <= state.time else self.advanced(state, time)
 
     def updated(self, state: TrackState, scan: Scan) -> tuple[Update[Any], CartesianFallback | None]:
-        """Return all tracks' update with a scan at the state's time, and the fallback after the update."""
+        """Return the update of all tracks with a scan at the state's time, and the tracks of unknown course."""
         if state.fallback is None:
             # Placeholders alone do not justify compiling a kernel.
             filter = self.computed_filter if np.any(state.started) else self.filter

@@ -42,7 +42,7 @@ class Frames:
         return np.isfinite(self.px)
 
     def truth(self, bodies: Sequence[int], observer: Observer) -> Truth:
-        """Return the truth of the bodies with these indices; in reverse the course is turned, the speed positive."""
+        """Return the truth of the bodies with these indices; a body in reverse has a positive speed backwards."""
         chosen = list(bodies)
         alive = self.alive[:, chosen]
         heading, slip, speed = (hold_nearest(a[:, chosen], alive) for a in (self.heading, self.slip, self.speed))

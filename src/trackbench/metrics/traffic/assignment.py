@@ -20,7 +20,8 @@ class TrafficScoreOptions(NamedTuple):
     """Criteria by which tracks are scored: cutoff distance, and cost of an identity switch."""
 
     cutoff: float = 5.0
-    """Cutoff distance of GOSPA, m. At this distance the similarity is 0; up to half of it a track is on an object."""
+    """Cutoff distance of GOSPA, m. At this distance the similarity of HOTA is 0; a track at half of it or nearer is on
+    the object."""
     switch_costs: float = 0.5
     """Time of missing an object that costs as much in T-GOSPA as an identity switch, s."""
 

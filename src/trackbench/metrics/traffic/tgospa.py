@@ -187,9 +187,10 @@ def solve_together(every: ObjectTrackPairs, half: float) -> Weights:
 
 
 def _path_of_one(gain: Array, half: float) -> Array:
-    """Return the pair that an object takes at each instant, ``(T, E)``; gains are 0 or more, so it always takes one.
+    """Return which of its E pairs a lone object takes at each instant, ``(T, E)``; a change costs ``half`` twice.
 
-    While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
+    Gains are 0 or more, so the object always takes a pair. It changes only at instants at which the order of the gains
+    changes: at other instants a change gains no more.
     """
     order = np.argsort(gain, axis=1, kind="stable")
     starts = np.concatenate([[0], np.flatnonzero(np.any(order[1:] != order[:-1], axis=1)) + 1])

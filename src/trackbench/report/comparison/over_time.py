@@ -43,7 +43,7 @@ def first_shown(items: Sequence[PairDifference]) -> list[PairDifference]:
 
 
 def first_shown_in_words(comparison: Comparison, items: Sequence[PairDifference]) -> str:
-    """Return a sentence: from which result on each change is shown, and what else changed in that result."""
+    """Return a sentence per change: the first result in which it is shown (at 5 %), and what else changed there."""
     sentences = []
     for item in first_shown(items):
         changes = "; ".join(comparison.origins[item.entrant.set].changes)

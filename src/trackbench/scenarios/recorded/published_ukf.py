@@ -28,7 +28,7 @@ from trackbench.trackers.track_steps import TrackState
 
 @dataclass(frozen=True)
 class FaultyUkf(SigmaPointFilter):
-    """Augmented UKF on CTRV with the faulty mean of the azimuths and the incomplete Cholesky factor."""
+    """Augmented UKF on CTRV with two faults: azimuths averaged as plain numbers, and a Cholesky that stops half way."""
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return super().predict(belief._replace(factor=stopped_cholesky(belief.covariance)), dt)

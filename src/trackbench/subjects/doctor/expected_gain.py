@@ -90,7 +90,7 @@ class SamplingErrors(NamedTuple):
     """Standard errors of implied models by the tracker's random samples; zeros for a tracker without samples."""
 
     direction: Array
-    """Standard error ``(m,)`` of the ``direction`` of each row of the implied Jacobian."""
+    """Standard error ``(m,)`` of ``ImpliedModel.direction``, the length of a difference of unit vectors."""
     size: Array
     """Standard error ``(m,)`` of the logarithm of the ``size`` of each row of the implied Jacobian."""
     noise: Array

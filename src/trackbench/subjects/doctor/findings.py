@@ -294,7 +294,7 @@ class PartResult:
     def add(
         self, name: str, passed: bool | None, result: str, *findings: Finding | None, question: str = ""
     ) -> PartResult:
-        """Append the answer to a question, and its findings; an empty ``question`` is later taken from the record."""
+        """Append the answer to a question, and its findings; an empty ``question`` is the check's."""
         shown = [finding for finding in findings if finding is not None]
         faults = tuple(dict.fromkeys(finding.fault for finding in shown)) if passed is False else ()
         self.checks.append(CheckResult(name, question, passed, result, faults=faults))

@@ -135,7 +135,7 @@ class FaultyStep(NamedTuple):
     step: Literal["start", "prediction", "update"]
     scan: Scan
     before: Array | None
-    """Covariance ``(4, 4)`` before the step: the last or, before an update, the predicted one; None without one."""
+    """Covariance ``(4, 4)`` before the step: of the last estimate for a prediction, the predicted one for an update."""
     after: Array
     """First wrong covariance ``(4, 4)``."""
 

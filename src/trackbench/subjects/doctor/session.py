@@ -244,7 +244,7 @@ def finite(estimate: Estimate) -> bool:
 
 
 def position_sigma(estimate: Estimate) -> float:
-    """Return the RMS distance from the estimated position by the estimate's covariance, m."""
+    """Return the RMS position error that the estimate's covariance states, m."""
     return float(np.sqrt(np.trace(estimate.covariance[:2, :2])))
 
 

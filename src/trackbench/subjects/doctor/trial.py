@@ -186,7 +186,10 @@ class Trial:
         return None
 
     def linear_update(self) -> TrialUpdate | None:
-        """Return the update by the predicted measurement; None where the model is curved, or nothing moves."""
+        """Return the update with a measurement equal to the predicted one.
+
+        None where the measurement model is too curved, or no component of the measurement moves the estimate.
+        """
         update = self.update(self.predicted_measurement) if self.nearly_linear else None
         return update if update is not None and update.used.any() else None
 

@@ -40,7 +40,7 @@ from trackbench.subjects.envelope.task import EnvelopeTask, task_of
 
 @dataclass(frozen=True)
 class EnvelopePlan:
-    """Settings of the work: isolation, engine, folder of the runs and number of counter-examples."""
+    """Settings of how a map is computed, which do not change its cells' runs."""
 
     isolation: Isolation = ISOLATED
     engine: EngineName = "auto"

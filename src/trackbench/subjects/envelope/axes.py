@@ -23,7 +23,7 @@ Point = tuple[Value, ...]
 
 @dataclass(frozen=True)
 class MapAxis:
-    """Axis of a map with its name and geometry."""
+    """Axis of a map: its name, its values, and distances between them."""
 
     name: str
     config: Axis

@@ -48,7 +48,7 @@ class Spending(NamedTuple):
     tests: int
     """Planned number of cells times trackers."""
     numbers: tuple[int, ...]
-    """Planned number of runs, or scenes, of a cell at each look."""
+    """Planned total number of runs, or scenes, of a cell by each look."""
 
     def at(self, look: int) -> float:
         """Return the error probability of one look (counted from 0) at one cell of one tracker."""
@@ -130,7 +130,7 @@ class Runs:
     """Number of each run in its scene, ``(runs,)``."""
 
     def with_blocks(self, sums: MetricSums, pieces: Sequence[BlockRuns], metrics: Sequence[Metric]) -> Runs:
-        """Return a copy with the runs of further blocks."""
+        """Return a copy that also holds the runs of ``pieces``, whose metrics have the sums ``sums``."""
         scene = np.concatenate([np.full(len(piece.runs), piece.scene) for piece in pieces])
         run = np.concatenate([np.array(piece.runs) for piece in pieces])
         merged = merge_sums([self.sums, sums], metrics) if self.sums else sums
@@ -240,7 +240,7 @@ def coverage_of(runs: Runs, claim: Population) -> Interval | None:
 
 
 class Store:
-    """Folder with a file for each look at each cell.
+    """Folder with a file for each interim look at each cell's results.
 
     Args:
         folder: the folder; None stores nothing.

@@ -54,7 +54,7 @@ class ClaimedLimit(ResultModel):
 
 
 class CellValue(ResultModel):
-    """Value of a requirement's metric in a cell, with its state."""
+    """Value of a requirement's metric in a cell, and whether the requirement holds there."""
 
     state: State
     value: float | None

@@ -106,7 +106,7 @@ class TrackerCell:
 
 @dataclass
 class MapCell:
-    """Point of the map, with its runs and with whether each tracker's requirement holds there."""
+    """Point of the map, with each tracker's runs there and its state: holds, fails or undecided."""
 
     point: Point
     loaded: Scenario

@@ -301,7 +301,7 @@ class Border(NamedTuple):
 
 
 def border_of(part: Slice, claim: Claim, tracker: str) -> Border | None:
-    """Return the border of a tracker on a slice; None where the cells span no area."""
+    """Return where, on a slice of the map, a tracker's requirements cease to hold; None where cells span no area."""
     from matplotlib.tri import TriAnalyzer, Triangulation
 
     beyond = excess(part.cells, tracker, claim.limits_of(tracker))

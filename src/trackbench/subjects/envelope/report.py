@@ -111,7 +111,7 @@ def claim_sentence(claim: Claim) -> str:
 
 
 def envelope_document(envelope: Envelope) -> Document:
-    """Return the page of an envelope."""
+    """Return the page of an envelope: where its trackers meet their requirements, with maps, margins and an example."""
     from trackbench.subjects.envelope.line_figures import line_figures
 
     claim = envelope.claim

@@ -117,7 +117,10 @@ class FalseWarnings(FunctionMetric):
 
 
 class QuantityError(FunctionMetric):
-    """Error of the function's quantity in the first ``TOLERANCE`` s of each event, where truth and tracks have one."""
+    """Error of the function's quantity, such as a time to collision, in the first ``TOLERANCE`` s of each event.
+
+    Only instants count at which the quantity has a value on the truth and on the tracks.
+    """
 
     total, count, squared = "squared_error", "errors", True
     meaning = "root mean square error of the {}, in the first 0.5 s of each event"

@@ -34,7 +34,7 @@ class Objects(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """Decision of a function, each field ``(...)``."""
+    """Decision of a driver assistance function: whether it acts, on which object, by which quantity; each ``(...)``."""
 
     active: Mask
     """Whether the function warns or acts."""

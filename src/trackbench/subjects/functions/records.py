@@ -57,7 +57,7 @@ def function_records(
 
 
 def _decisions(function: Function, work: Work, recorded: RecordedEstimates | RecordedTracks) -> Decisions:
-    """Return the decisions of a function in the recorded run, on a tracker's estimates or tracks."""
+    """Return the decisions of a driver assistance function in the recorded run, on a tracker's estimates or tracks."""
     if not isinstance(recorded, RecordedEstimates):
         assert recorded.tracked is not None
         return decisions_of_run(function, recorded.tracked)

@@ -30,9 +30,9 @@ class Spans(NamedTuple):
 
     run: Indices
     start: Indices
-    """Number of the first instant of the interval."""
+    """Index of the first instant of each interval."""
     stop: Indices
-    """Number of the first instant after the interval; the number of instants where it lasts to the end."""
+    """Index of the first instant after each interval; the number of instants where it lasts to the end."""
 
 
 def spans(active: Mask, time: Array) -> Spans:
@@ -56,7 +56,7 @@ class Answers(NamedTuple):
     delay: Array
     """Time from the start of an event to the start of its answer, s; negative if early, at least ``-TOLERANCE``."""
     missing: Mask
-    """Events without an answer, ``(events,)``."""
+    """``(events,)`` whether each event on the truth has no answer on the tracks."""
     false: Mask
     """Intervals that answer no event or begin too early, ``(N,)``."""
 
@@ -232,10 +232,10 @@ def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisi
 def decisions_of_estimates(
     function: Function, bodies: EgoScene, truth: Array, alive: Mask, mean: Array, covariance: Array, estimated: Mask
 ) -> Decisions:
-    """Return the decisions with known identities, from the estimates of all objects.
+    """Return a function's decisions on the truth and on the estimates, with known identities.
 
     Args:
-        function: the function.
+        function: driver assistance function.
         bodies: ego and sizes of the objects at the instants.
         truth: true px, py, vx, vy, ``(4, objects, instants, runs or 1)``.
         alive: whether an object is present, ``(objects, instants, 1)``.

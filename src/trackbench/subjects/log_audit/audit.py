@@ -263,7 +263,7 @@ class Squares(NamedTuple):
     """Sizes of a sensor's errors, measurement minus truth, over standard deviations."""
 
     mean: float
-    """Mean square over the sigmas of the corrected scenario; 1 is right."""
+    """Mean of the squared errors, each over the variance that the corrected scenario states; 1 is right."""
     typical: float
     """Root median square of the worst component over the sigmas as logged; 1 for normal errors of these sigmas."""
 

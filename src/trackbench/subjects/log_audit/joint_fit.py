@@ -45,7 +45,7 @@ class ErrorEstimate:
 
 @dataclass(frozen=True)
 class JointFit:
-    """Result of the joint fit of a sensor's errors."""
+    """A sensor's time offset, mounting and biases, estimated together from one log."""
 
     estimates: dict[str, ErrorEstimate]
     unidentified: dict[str, tuple[str, ...]]

@@ -189,7 +189,7 @@ class LiveRuns:
         self._scene: LiveScene | None = None
 
     def draw(self, parts: Iterable[Part]) -> None:
-        """Draw parts of runs in order; parts before the start of a run are ignored."""
+        """Draw the parts of runs in the order of arrival; a part that comes before any start of a run is ignored."""
         for _, group in groupby(parts, key=type):
             instants = []
             for part in group:

@@ -62,7 +62,7 @@ class Charts(NamedTuple):
 
 
 class AllCharts(NamedTuple):
-    """All charts of a recording."""
+    """Charts of a recording: means over all runs, the recorded run, and each of its vehicles."""
 
     all_runs: Charts
     recorded: Charts
@@ -70,7 +70,7 @@ class AllCharts(NamedTuple):
 
 
 def charts_of(contents: Contents) -> AllCharts:
-    """Return all charts of a recording; baselines have no lines."""
+    """Return all charts of a recording; baseline trackers are not drawn."""
     tables, colours = contents.tables, contents.plotted
     parts = (tables.estimates, tables.recorded_nis, tables.if_there("recorded_modes"))
     vehicles = {}

@@ -27,8 +27,8 @@ def instants(tables: Tables) -> Array:
 def thin_tables(result: Result) -> Tables:
     """Return the tables of a run; a long run's tables keep the rows of some instants only.
 
-    Kept are evenly spaced instants, all around the moment worth seeing first, and the worst of each tracker and
-    vehicle, each with the latest scan of every sensor.
+    These instants are kept: evenly spaced ones, all that are near the moment worth seeing first, and the worst of each
+    tracker and vehicle. The latest scan of every sensor before each is kept too.
     """
     tables, time = result.tables, instants(result.tables)
     if len(time) <= MOST:

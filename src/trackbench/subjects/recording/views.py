@@ -113,9 +113,10 @@ def scene_views(
     focus: Focus,
     first: str | None = None,
 ) -> rrb.Container:
-    """Return the wide view beside tabs with a close-up of each vehicle, ``first`` in front.
+    """Return the wide view beside tabs with a close-up of each vehicle.
 
-    A vehicle in focus is in front, and in the middle of the wide view.
+    The tab of the vehicle in focus is in front; without a focus, that of the vehicle ``first``. The wide view is
+    centred on the vehicle in focus.
     """
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | trails(trackers)
     name = "Seen from above"

@@ -69,7 +69,7 @@ class JudgedGate(NamedTuple):
     tracker: str
     metric: str
     limit: float | None
-    """Limit in the unit of the metric; None where the first file has no value."""
+    """Limit in the unit of the metric; None where it is relative to the first file of tracks and that has no value."""
     value: float | None
     unit: str
     ci95: tuple[float, float] | None

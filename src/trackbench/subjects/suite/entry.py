@@ -68,7 +68,7 @@ class Machine(ResultModel):
 
 
 class Entry(ResultModel):
-    """Content of ``entry.json``."""
+    """Content of ``entry.json``: suite, tracker, scenarios with their digests, machine, and how the entry was made."""
 
     schema_version: Literal[1] = 1
     suite: SuiteIdentity

@@ -110,7 +110,7 @@ class EntryMaker:
         """Run the scenarios, and write the folder of the entry whole or not at all.
 
         Raises:
-            InputError: the truth or the scans differ from the suite's, or the tracks from the scans.
+            InputError: the truth or the scans are not the suite's, or the tracks were made from other scans.
             TrackerFailedError: the tracker failed.
             OutputError: the folder cannot be written.
         """

@@ -44,7 +44,7 @@ class Undetected(NamedTuple):
     """Latest field of view of each sensor, by the sensor's name."""
 
     def after_time(self, survival: float, born: float) -> Undetected:
-        """Return the expected numbers after the share ``survival`` has stayed and ``born`` have come into each view."""
+        """Return the expected numbers of undetected objects later: a share ``survival`` stays, and ``born`` appear."""
         later = {name: view._replace(expected=view.expected * survival + born) for name, view in self.views.items()}
         return Undetected(self.unseen * survival + born, later)
 

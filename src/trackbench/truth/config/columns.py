@@ -162,7 +162,7 @@ class MeasurementColumns(Config):
 
     @property
     def components(self) -> dict[str, str]:
-        """Stated column of each given component of the measurement, by component."""
+        """Column in the file of each component of the measurement, by component, as the scenario states it."""
         return dict(self.__pydantic_extra__)
 
     def of_sensor(self, components: tuple[str, ...]) -> tuple[str, ...]:

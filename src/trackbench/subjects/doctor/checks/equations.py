@@ -138,7 +138,7 @@ class EquationAnswers(NamedTuple):
     findings: tuple[Finding, ...]
     """Equations that do not hold at the last target."""
     right: frozenset[str]
-    """Names of the sensors whose gains follow from the held covariance at all targets."""
+    """Names of the sensors whose gains follow from the covariance that the tracker holds, at all targets tried."""
 
 
 def equation_answers(tracker: TrackerUnderTest) -> EquationAnswers:

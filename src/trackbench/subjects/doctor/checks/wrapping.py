@@ -60,7 +60,7 @@ class Jump(NamedTuple):
     measured: bool = False
     """Whether the measured and the predicted azimuth lie on different sides of pi."""
     without_innovation: bool = False
-    """Whether the update by the predicted measurement, which has no innovation, differs too."""
+    """Whether updates across pi and away from pi differ even with a measurement equal to the predicted one."""
     line: str = ""
     """Line of the tracker's code with the difference that is not wrapped; empty where it is not found."""
     confirmed: bool = False
@@ -189,7 +189,10 @@ def _is_right(trial: Trial, probe: Probe) -> bool:
 
 
 def _jump(trial: Trial, turned: Trial, back: Array, side: float, probe: Probe) -> Jump | None:
-    """Compare an update with the turned target's, which the rotation ``back`` ``(2, 2)`` turns back."""
+    """Compare a target's update with that of the same target turned about the sensor, after rotating the latter back.
+
+    ``back`` ``(2, 2)`` is this rotation. None where an update is missing.
+    """
     change, turned_change = _change(trial, side), _change(turned, side)
     if change is None or turned_change is None:
         return None

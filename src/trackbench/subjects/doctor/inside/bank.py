@@ -52,7 +52,7 @@ class ModelPaths(NamedTuple):
     covariance: str
     probability: str
     outputs: Indices
-    """Indices of px, py, vx, vy in a model's state ``(4,)``."""
+    """Indices ``(4,)`` of px, py, vx, vy in a model's state."""
 
     def models(self, families: dict[str, Array]) -> Models | None:
         """Read the models from ``families``, arrays by path at one instant; return None where a path is missing."""

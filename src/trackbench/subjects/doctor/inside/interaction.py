@@ -244,7 +244,10 @@ def models_of(session: TrackerSession, bank: Bank) -> Models | None:
 def _add_steps(
     session: TrackerSession, banks: dict[Bank, list[BankStep]], scan: Scan, random: np.random.Generator
 ) -> None:
-    """Step a copy with a measurement 1.5 standard deviations off the predicted one; add the step to each bank."""
+    """Step a copy of the session with a measurement 1.5 standard deviations off the predicted one.
+
+    What each bank of models did in the step is appended to that bank's list.
+    """
     instant_later, missed, copy = session.copy(), session.copy(), session.copy()
     instant_later.step(empty_scan(scan._replace(time=session.scans[-1].time + INSTANT)))
     estimate = missed.step(empty_scan(scan))

@@ -225,7 +225,9 @@ def _name(key: tuple[Any, ...]) -> str:
 
 
 def nearest_assigned(assigned: Sequence[Assigned], right: Array, earlier: Array) -> tuple[Assigned, float] | None:
-    """Return the wrong value nearest to a right one, with its error relative to the largest entry; None if none fits.
+    """Return the assigned value nearest to a right value without being it, and its error; None without a like shape.
+
+    The error is relative to the largest entry of the right value.
 
     Args:
         assigned: assignments of a step; right and earlier values among them do not count.

@@ -174,7 +174,7 @@ def order(make: Make, site: Site) -> PartResult:
 
 
 def _meeting(site: Site) -> Array:
-    """Return objects ``(4, n)`` at time 0 that meet in pairs around the sensor, each with a third one beside it."""
+    """Return objects ``(4, n)`` at time 0 around the sensor: pairs that will meet, and a third one beside each pair."""
     detection = site.scan(0.0, site.detections(np.array([[AWAY], [0], [0], [0]])), np.random.default_rng(0))
     sigma = np.sqrt(np.linalg.eigvalsh(site.sensor.position(detection).covariance.reshape(2, 2)).max())
     angle = 2 * np.pi * np.arange(PAIRS) / PAIRS
