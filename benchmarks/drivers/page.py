@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry
+from trackbench.report.pairs import difference_word
 
 from ..markdown import table
 from .fit import EFFECTS, FEWER_SEEDS, SEEDS, SPEEDS_MPS
@@ -130,7 +131,7 @@ def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
             pair["metric"],
             pair["b"],
             f"{pair['value']:+.4f} ({pair['ci95'][0]:+.4f} to {pair['ci95'][1]:+.4f})",
-            pair["verdict"],
+            difference_word(pair["verdict"]),
         ]
         for world, of in worlds.items()
         for pair in of["differences"]

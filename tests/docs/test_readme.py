@@ -50,7 +50,7 @@ def rows(page: Path, heading: str) -> dict[str, dict[str, str]]:
 def test_the_table_of_worlds_is_that_of_the_results() -> None:
     worlds = ("ideal", "human", "typical", "recorded")
     readme = rows(README, "In which world")
-    results = rows(ROOT / "results" / "worlds" / "comparison.md", "## Position RMSE")
+    results = rows(ROOT / "results" / "worlds" / "comparison.md", "## Position RMSE, m")
     assert len(readme) == len(worlds)
     for shown, world in zip(readme.values(), worlds, strict=True):
         for tracker, value in shown.items():

@@ -33,6 +33,13 @@ _OF_TRACKS = {
 }
 
 
+#: Note on the values of the metric that ranks.
+_BOLD = (
+    "Beside a value is its 95 % interval, if any. Bold: the best of the scenario, and every tracker not shown to be "
+    "worse than it."
+)
+
+
 def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
     """Yield the answer, the differences from the baseline, a matrix for each metric, the scenarios and the failures."""
     if len(competitors(comparison)) > 1:
@@ -54,7 +61,7 @@ def ranking_blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterat
         is_ranked = metric == comparison.ranked_by
         cell = _ranked_cell(metric) if is_ranked else _nees_cell if metric == "nees" else _plain_cell(metric)
         table = _matrix(comparison, links, metric.replace("_", "-"), metric, cell)
-        yield Section(title, (table, *([Paragraph(_ranked_note(table))] if is_ranked else [])))
+        yield Section(title, (table, *([Paragraph(_BOLD)] if is_ranked else [])))
     yield Section("Scenarios", (_scenarios(comparison, links),))
     failures = [
         Item(f"in {score.scenario}: {score.failure}", label=score.entrant.tracker, tone="bad")
@@ -97,21 +104,12 @@ def _ranked_cell(metric: str) -> _ToCell:
     return cell
 
 
-def _ranked_note(table: Table) -> str:
-    """Return a note on what small print and bold values in the table mean."""
-    details = [detail for row in table.rows for cell in row for detail in cell.details]
-    halves, ends = any(detail.startswith("±") for detail in details), any(" to " in detail for detail in details)
-    beside = " or ".join(["half of its 95 % interval"] * halves + ["its ends"] * ends)
-    with_beside = f"With {beside}. " * bool(beside)
-    return f"{with_beside}Bold: the best of the scenario, and every tracker not shown to be worse than it."
-
-
 def _nees_cell(score: EntrantScore, _: int) -> Cell:
     nees = score.metrics.get("nees")
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
     assert nees.value is not None
-    words, brief = verdict_in_words(nees), BRIEF.get(nees.verdict, "")
+    words, brief = verdict_in_words(nees, whole=False), BRIEF.get(nees.verdict, "")
     return Cell(mean_text(nees.value), (words,), brief=brief, tone=tone_of(nees))
 
 
