@@ -298,7 +298,7 @@ class Comparison(ResultModel):
     commands: list[str] = Field(default_factory=list)
     """Commands that repeat the runs and the comparison; empty where a result does not say how it was made."""
     other_groups: list[Comparison] = Field(default_factory=list)
-    """Comparisons of the same sets in the scenarios that other metrics rank; theirs are empty."""
+    """Comparisons of these sets of results in scenarios with another ranking metric, one for each such metric."""
 
     @property
     def groups(self) -> list[Comparison]:

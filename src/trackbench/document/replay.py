@@ -175,7 +175,7 @@ class Replay:
     title: str
     """Title of the text."""
     text: str
-    """Text in Markdown."""
+    """Description shown with the replay, in Markdown."""
     legend: tuple[LegendEntry, ...]
     scenes: tuple[ReplayScene, ...]
 

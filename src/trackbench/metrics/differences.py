@@ -185,7 +185,7 @@ def verdict_on_first(
 
 
 def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:
-    """Return the largest difference of two trackers' values that does not matter, by the better value."""
+    """Return the largest difference of two trackers' values that does not matter; it may depend on the better value."""
     best = max if better == "larger" else min
     return margin.at(best(a.value, b.value, key=abs), unit)
 
@@ -208,5 +208,6 @@ def contrast_verdict(difference: Contrast, p_value: float, better: Direction | N
 
 
 def size(difference: float) -> str:
-    """Return ``larger`` or ``smaller``, the verdict on a shown difference where neither tracker is better."""
+    """Return ``larger`` or ``smaller``, the verdict on a significant difference where neither tracker is better."""
+
     return "larger" if difference > 0 else "smaller"

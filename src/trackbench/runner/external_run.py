@@ -155,9 +155,9 @@ class NearestObject:
 def offset_of(pairs: Array) -> TrackOffset:
     """Estimate the clock offset and the shift along the path by least squares; the offset gets a 95 % interval.
 
-    With ``OBJECTS`` objects or more all share one shift; the interval is the wider of two, over blocks of time and over
-    whole objects. With fewer objects each has a shift of its own, so that only changes of speed tell the offset.
-    With ``FEWEST`` runs or more all share one shift, and the interval is over runs.
+    All objects share one shift with ``OBJECTS`` objects or more, or with ``FEWEST`` runs or more. Otherwise each object
+    has a shift of its own, and only changes of speed tell the offset. With ``FEWEST`` runs or more the interval is over
+    runs, else over blocks of time; with ``OBJECTS`` objects or more also over whole objects, if that is wider.
 
     Args:
         pairs: ``(5, P)`` number of the run, then time, number of the object, y and speed (:func:`offset_pairs`).

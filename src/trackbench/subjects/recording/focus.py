@@ -37,7 +37,7 @@ class Focus:
     vehicle: str | None = None
     time_s: float | None = None
     error_m: float = 0.0
-    """Position error that the vehicle's plot must show."""
+    """Position error, m, up to which the value axis of the vehicle's error plot must reach."""
     tracker: str | None = None
     """Tracker whose tracks are shown, with hidden identities."""
     function: str | None = None

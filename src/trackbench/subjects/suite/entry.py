@@ -53,7 +53,7 @@ class TrackerIdentity(ResultModel):
 
 
 class EnteredScenario(ResultModel):
-    """Scenario of an entry."""
+    """Scenario of a suite that an entry covers: the scenario's id, and the command that runs it again."""
 
     id: str
     command: str

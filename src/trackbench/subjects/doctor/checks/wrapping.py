@@ -189,9 +189,10 @@ def _is_right(trial: Trial, probe: Probe) -> bool:
 
 
 def _jump(trial: Trial, turned: Trial, back: Array, side: float, probe: Probe) -> Jump | None:
-    """Compare a target's update with that of the same target turned about the sensor, after rotating the latter back.
+    """Return how a target's update differs from that of the target turned about the sensor, after rotating it back.
 
-    ``back`` ``(2, 2)`` is this rotation. None where an update is missing.
+    ``back`` ``(2, 2)`` is this rotation, ``side`` is +1 or -1: the side of the prediction on which the measurement
+    lies. None where an update is missing.
     """
     change, turned_change = _change(trial, side), _change(turned, side)
     if change is None or turned_change is None:
