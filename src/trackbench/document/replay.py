@@ -175,7 +175,7 @@ class Replay:
     title: str
     """Title of the text."""
     text: str
-    """Description shown with the replay, in Markdown."""
+    """Text in Markdown that is shown beside the scenes, such as the findings of an examination."""
     legend: tuple[LegendEntry, ...]
     scenes: tuple[ReplayScene, ...]
 

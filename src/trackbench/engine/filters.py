@@ -135,17 +135,17 @@ class FusedFilter:
         )
 
     def step_kernel(self, belief: AnyBelief, scan: Scan, guard: StepGuard | None) -> Kernel | None:
-        """Return the kernel of steps with a belief and scan like these, for call sequences; None if NumPy computes."""
+        """Return machine code that predicts and updates beliefs like this one; None if only NumPy can do it."""
         values = belief_values(belief, without=REUSED) | self.time(ANY_TIME) | scan_values(scan)
         return self._kernel(self._equations_of("step", partial(_step, guard=guard), values, scan, guard), values)
 
     def prediction_kernel(self, belief: AnyBelief) -> Kernel | None:
-        """Return the kernel of predictions from beliefs like this, for a sequence of calls; None if NumPy computes."""
+        """Return machine code that predicts beliefs like this one; None if only NumPy can do it."""
         values = belief_values(belief, without=REUSED) | self.time(ANY_TIME)
         return self._kernel(self._equations_of("prediction", _predicted, values), values)
 
     def cartesian_kernel(self, belief: AnyBelief) -> Kernel | None:
-        """Return the kernel from beliefs like this to px, py, vx, vy, for call sequences; None if NumPy computes."""
+        """Return machine code that converts beliefs like this one to px, py, vx, vy; None if only NumPy can do it."""
         values = belief_values(belief, without=REUSED)
         return self._kernel(self._equations_of("cartesian", _cartesian, values), values)
 

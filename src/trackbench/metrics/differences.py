@@ -208,6 +208,5 @@ def contrast_verdict(difference: Contrast, p_value: float, better: Direction | N
 
 
 def size(difference: float) -> str:
-    """Return ``larger`` or ``smaller``, the verdict on a significant difference where neither tracker is better."""
-
+    """Return the sign of a difference as ``larger`` or ``smaller``: the verdict where neither tracker is better."""
     return "larger" if difference > 0 else "smaller"

@@ -323,7 +323,7 @@ class Metric(Config):
 
     @property
     def path(self) -> str:
-        """Path of the value in expectations and comparisons."""
+        """Dotted path by which expectations and comparisons name the value, such as ``nis.<sensor>``."""
         path = f"{self.name}.{SENSOR}" if self.per_sensor else self.name
         return f"{path}.{self.value_name}" if self.value_name else path
 

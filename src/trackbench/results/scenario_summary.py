@@ -95,7 +95,7 @@ class ScenarioSummary(ResultModel):
 
     @property
     def base(self) -> str:
-        """Name of the scenario without its world."""
+        """Name of the scenario without the suffix for its world, as "highway" for "highway-human"."""
         return self.name if self.world is None else self.name.removesuffix(f"-{self.world}")
 
 

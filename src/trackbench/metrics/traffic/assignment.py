@@ -267,7 +267,7 @@ def _numbered(ids: Indices) -> tuple[Indices, Indices]:
 
 
 def count_by_gospa(near: Nearby) -> Counted:
-    """Match due objects and tracks as in GOSPA, and return what counts; the cutoff holds for optional objects too.
+    """Match due objects with tracks as in GOSPA; return the objects and tracks that are scored, and the matched pairs.
 
     At each instant the matching is one-to-one. It has the smallest sum of the squared distances, plus half of the
     squared cutoff for each object and each track without a partner.

@@ -59,7 +59,7 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
 def counter_section(claim: Claim, run: Result | None) -> Iterator[Section]:
     """Yield the section on a map's counter-examples; nothing where none were sought.
 
-    ``run`` is the result of the nearest counter-example, which is drawn from above. All of them are recorded if it is.
+    ``run`` is the result of the nearest counter-example, drawn from above. If it has a recording, the others have one too.
     """
     counter = claim.counter_examples
     if counter is None:

@@ -225,7 +225,7 @@ class SensorLog:
         return np.asarray(Radar.measure(self.target(at, owner), motion.pose, motion.velocity)[:2])
 
     def target(self, time: Array, owner: Indices, ahead: float = 0.0) -> Array:
-        """Return px, py, vx, vy of objects, ``(4, n)``; NaN where the truth of object or observer is unknown.
+        """Return the true px, py, vx, vy of objects in the fixed frame, ``(4, n)``; NaN outside the truth's time.
 
         Args:
             time: times ``(n,)``, s.

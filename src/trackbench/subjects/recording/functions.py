@@ -53,7 +53,7 @@ def send_functions(
 
 
 def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
-    """Return what a tracker's row of the time line shows at each instant: object, kind of wrong decision, or nothing."""
+    """Return what a tracker's row of the time line shows at each instant: a decision's object, an error, or nothing."""
     time, active = rows["time_s"], rows["active"] > 0
     states = np.where(active, _object_names(rows["object"]), NOTHING)
     for event in events:

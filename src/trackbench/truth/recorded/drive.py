@@ -81,7 +81,7 @@ class Scans(NamedTuple):
     """``(rows,)`` index of the sensor's own track that the detection belongs to; -1 for none."""
     own_tracks: tuple[str, ...]
     duplicates: int
-    """Number of rows left out because the slot of the sensor's list already has a row with that time."""
+    """Number of rows left out because an earlier row has the same time and slot in the sensor's list."""
     copies: int = 0
     """Number of detections left out because an older track of the sensor is close to them."""
 

@@ -198,7 +198,7 @@ def _cause(tracker: TrackerUnderTest, failure: StepFailed) -> Cause | None:
 
 
 class Circumstances(NamedTuple):
-    """Answers of a fresh tracker to the scans before a failed step, and to a missed measurement."""
+    """Answers of a fresh tracker to the scans before a failed step, and to a missed measurement in the step's place."""
 
     before: Estimate | None
     """Estimate after the scans before the failed step."""

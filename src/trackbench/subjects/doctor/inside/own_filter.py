@@ -115,7 +115,8 @@ class OwnFilter:
     def outputs(self, scan: Scan) -> Array | None:
         """Return the derivative ``(4, n)`` of the estimate with respect to the filter's own mean, both after a scan.
 
-        None where a step fails.
+        None where the mean cannot be set, or an estimate is missing.
+
         """
         stacked = self.derivative(scan, _returned_and_held)
         return None if stacked is None else np.asarray(stacked[:4] @ np.linalg.pinv(stacked[4:], rcond=ROUNDING))
