@@ -33,8 +33,8 @@ def drive(
     Args:
         kinds: kind of each scan, "radar" or "lidar".
         times: time of each scan, s.
-        missed: numbers of the scans that do not detect the target.
-        target: number of the target, which determines its motion and noise.
+        missed: indices, from 0, of the scans that do not detect the target.
+        target: index of the target, from 0, which determines its motion and noise.
         velocity: vx, vy of the sensor, m/s.
     """
     random = np.random.default_rng(target)
@@ -56,7 +56,7 @@ def target_at(time: float, target: int = 0) -> Array:
 
 
 def usual_drive(target: int = 0, missed: Sequence[int] = (), velocity: tuple[float, float] = (0.0, 0.0)) -> list[Scan]:
-    """Return 120 scans of a target, by a lidar and a radar in turn."""
+    """Return 120 scans of a target, by a lidar and a radar in turn; scans with an index in ``missed`` miss it."""
     return drive(["lidar", "radar"] * 60, [STEP * i for i in range(120)], missed, target, velocity)
 
 
@@ -88,7 +88,7 @@ def hidden_drive(seed: int = 0, *, clutter: float = 0.0, probability: float = 1.
 
 
 def cars_at(time: float) -> Array:
-    """Return px, py, vx, vy of the cars at a time, ``(4, cars)``."""
+    """Return px, py, vx, vy of the two cars of ``hidden_drive`` at a time, ``(4, 2)``."""
     cars: Array = CARS.T + np.array([[time], [time], [0.0], [0.0]]) * np.roll(CARS.T, -2, axis=0)
     return cars
 

@@ -46,7 +46,10 @@ def check_sensor(sensor: Sensor) -> None:
 
 
 def derivative(function: Callable[[Array], Array], x: Array, angular: tuple[int, ...] = ()) -> Array:
-    """Return the derivative ``(m, n)`` of a function at a state ``(n,)`` by central differences, angles wrapped."""
+    """Return the derivative ``(m, n)`` of a function at a state ``(n,)`` from central differences.
+
+    ``angular`` has the indices of outputs that are angles; their differences are wrapped.
+    """
     steps = STEP * np.eye(len(x))
     return np.stack([difference(function(x + h), function(x - h), angular) for h in steps], axis=1) / (2 * STEP)
 

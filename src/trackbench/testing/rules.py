@@ -58,10 +58,10 @@ def gives_reports(reports: Callable[[], Iterable[bool]]) -> bool:
 
 
 class Kind(NamedTuple):
-    """Drives and answers of trackers of one object, or of trackers of several objects."""
+    """Functions to make test scans, true states and checked tracks, for trackers of one object or of several."""
 
     noun: str
-    """Word for an answer in messages."""
+    """Word for a tracker's answer in error messages, such as "estimate"."""
     drive: Callable[..., list[Scan]]
     """Function that makes the scans of one run from a seed."""
     truth: Callable[[float], Array]
@@ -216,7 +216,7 @@ def _emptied(scan: Scan) -> Scan:
 
 
 def _with_gaps(*gaps: range) -> list[Scan]:
-    """Return a drive with false alarms and misses, and with empty scans in the gaps."""
+    """Return a drive with false alarms and misses; scans whose indices are in ``gaps`` are empty."""
     return [
         _emptied(scan) if any(number in gap for gap in gaps) else scan
         for number, scan in enumerate(hidden_drive(clutter=1.0, probability=0.9))

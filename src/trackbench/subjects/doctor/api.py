@@ -34,7 +34,7 @@ from trackbench.testing.rules import Identities, gives_reports
 
 
 def hint_at_identities(target: str, options: Mapping[str, Any], isolation: Isolation, *, hidden: bool) -> str:
-    """Return a hint to choose the other ``identities`` if the class gives estimates with them; else an empty text.
+    """Return a hint to set ``identities`` to ``known`` or ``hidden``, if the class works only so; else an empty text.
 
     Args:
         target: ``module:Class`` or a published name.
@@ -96,7 +96,7 @@ def examine_here(tracker: str, progress: Progress, **request: Any) -> Examinatio
 
 @contextmanager
 def _redirect_prints() -> Iterator[None]:
-    """Send what the tracker prints to stderr, and drop its warnings: the checks look for the same faults."""
+    """Send what the tracker prints to stderr, and drop its numeric warnings: the checks find their causes."""
     with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         yield
@@ -126,11 +126,12 @@ def doctor(
             radar and a lidar that stand still and move.
         identities: ``hidden`` for a class that follows several objects.
         static_sensors: whether no sensor moves; then nothing is tried with moving sensors.
-        no_misses: whether every scan has a detection; then the tracker is given no scan without one.
+        no_misses: whether every scan has a detection; then the tracker is given no scan without a
+            detection.
         skip: checks to leave out, by name or by name and sensor: ``gain``, ``gain.radar``.
         in_process: whether a tracker that is not built in runs in this process, for a debugger.
         tracker_timeout: longest time that a tracker that is not built in may take to answer a scan, s.
-        tracker_memory: most memory of a tracker that is not built in, GB; by default a quarter of what there is.
+        tracker_memory: most memory of a tracker that is not built in, GB; by default a quarter of the machine's memory.
         out: folder for the findings, the report and the replay; nothing is written by default.
         progress: called with the number of steps done and the estimated number of all steps.
 

@@ -22,21 +22,21 @@ class Assumptions:
     """Statements of the user that an examination takes for granted."""
 
     no_misses: bool = False
-    """Whether every scan has a detection."""
+    """Whether every scan has a detection; then the tracker is given no scan without a detection."""
     skip: tuple[str, ...] = ()
     """Checks that the user leaves out, by name or by name and sensor: ``gain``, ``gain.radar``."""
     rest_reason: str = ""
-    """Reason why no observer moves; empty where one does."""
+    """Reason why no observer (carrier of the sensors) moves in the examination; empty where an observer moves."""
     late: Mapping[str, float] = field(default_factory=dict)
-    """Longest latency, s, by sensor, of the sensors whose scans come late."""
+    """Longest latency, s, by name of the sensor; only sensors whose scans come late."""
 
     def left_out(self, check: DoctorCheck[Any], sensors: Sequence[str], reason: str | None = None) -> list[CheckResult]:
-        """Return the questions of a check that are not asked, with the reason.
+        """Return a result without a verdict, and with the reason, for each question of a check that is not asked.
 
         Args:
             check: record of the check.
             sensors: names of the sensors.
-            reason: reason for which none of its questions is asked; None for no such reason.
+            reason: reason for which no question of the check is asked; None where questions are asked.
         """
         results = []
         for question in check.questions:
@@ -51,7 +51,7 @@ class Assumptions:
         return results
 
     def apply(self, result: PartResult, left_out: Sequence[CheckResult], check: DoctorCheck[Any]) -> PartResult:
-        """Return a check's result with the left-out questions in place of their answers, and without their findings."""
+        """Replace the answers to left-out questions in a check's result by their reasons, and drop their findings."""
         names = {check_result.name for check_result in left_out}
         made = [check_result for check_result in result.checks if check_result.name not in names]
         findings = [find for find in result.findings if not self._answers_excluded_question(find, check)]

@@ -1,4 +1,4 @@
-"""Certainty of the name of a fault as one of three words, and the glossary's pages of faults and checks."""
+"""Certainty that a tracker has the named fault, as one of three words; glossary pages of faults and checks."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ class Certainty(NamedTuple):
 
 
 def certainty(findings: Sequence[Finding], checks: Sequence[CheckResult], cause: Finding | None) -> Certainty:
-    """Return how sure it is that a root cause is the named fault.
+    """Return how certain it is that a root cause has the right name: ``shown``, ``likely`` or ``unclear``.
 
     ``shown``: an exact finding (no other fault looks like it) that explains all failed checks. ``likely``: a finding
-    with evidence beside the errors of drives that explains at least half of them. ``unclear``: any other.
+    with evidence beside the errors of drives, which explains at least half of the failed checks. ``unclear``: another.
 
     Args:
         findings: all findings of the examination.
@@ -115,7 +115,7 @@ def listed_checks() -> Iterator[tuple[str, str]]:
 
 
 def examination_terms() -> Iterator[TermPage]:
-    """Return a glossary page for each word that an examination uses."""
+    """Return a glossary page for each word that an examination uses for a result: shown, likely, unclear, healthy."""
     return (TermPage(word, (("in an examination", text),)) for word, text in MEANING.items())
 
 

@@ -1,4 +1,4 @@
-"""A tracker with its state, and copies of it."""
+"""A tracker together with its state, and independent copies of both."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CannotCopy(TrackbenchError):
 class CopyableTracker:
     """A tracker with its state, which can be copied; only the shapes of its answers are checked.
 
-    A copy is made by ``copy.deepcopy``. That fails with an open file, a module, a lock or a generator, and shares the
+    A copy is made by ``copy.deepcopy``, which fails with an open file, a module, a lock or a generator, and shares the
     state of C code behind a handle. The copy is then a fresh tracker that is given the same scans again.
 
     Args:
@@ -90,7 +90,7 @@ class CopyableTracker:
         return twin
 
     def _require_own_state(self) -> None:
-        """Replace the tracker by a repetition if two copies of it differ: they may share, and have changed, its state.
+        """Replace the tracker by a fresh one, given all scans again, if copies differ and so may share its state.
 
         Only a tracker that draws no random numbers can be repeated.
         """
@@ -118,7 +118,7 @@ class CopyableTracker:
 
 
 def _gap(estimate: Estimate | None, other: Estimate | None) -> float:
-    """Return the largest difference of two means; infinite where only one of them exists, or one is not finite."""
+    """Return the largest difference of two estimated means; infinite if only one exists, or one is not finite."""
     if estimate is None or other is None:
         return 0.0 if estimate is other else np.inf
     if np.array_equal(estimate.mean, other.mean, equal_nan=True):

@@ -1,4 +1,4 @@
-"""Test drives: scripted scenes with noise, and a tracker stepped through all scans of one."""
+"""Test drives: scripted scenes with noisy scans, and a tracker's estimates after each scan of a scene."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ TRUTH_RATE = 100
 
 
 class DriveConfig(Config):
-    """Truth and sensing of one test drive, as an entry of drives.yaml."""
+    """True motion and sensing of one test drive, a scripted scene; one entry of drives.yaml."""
 
     description: str
     truth: ScriptedTruth
     runs: int = Field(4, ge=1)
     rates_hz: list[Positive] | None = None
-    """Rates of the sensors, in their order and repeated if there are more sensors; None for each sensor's own rate."""
+    """Rate of each sensor in order, repeated from the first if there are more sensors; None for their own rates."""
     detection_probability: Probability = 1
     silent_s: list[NonNegative] | None = None
     """Start and end of an interval without measurements, s; None if measurements never stop."""
     mismatch: float = Field(1.0, ge=1.0)
-    """Factor by which the limit of the NEES is raised: sound motion models may not describe the drive's manoeuvre."""
+    """Factor that raises the largest NEES allowed, since sound motion models need not describe the manoeuvre."""
 
     @property
     def carrier(self) -> Carrier:
@@ -81,7 +81,7 @@ class TestDrive(NamedTuple):
     name: str
     config: DriveConfig
     scans: list[Scan]
-    """Scans of all sensors in order, with the batch axis ``(runs,)``."""
+    """Scans of all sensors in order of time, with the batch axis ``(runs,)``."""
     time: Array
     """Times of the scans ``(scans,)``, s."""
     target: Array
@@ -146,7 +146,7 @@ def _placed(drive: DriveConfig, site: SensorSite) -> ScriptedTruth:
 
 
 class Rollout(NamedTuple):
-    """Estimates of a tracker after each scan of a drive, NaN where there is none."""
+    """Estimates of a tracker after each scan of a drive, NaN where there is no estimate."""
 
     mean: Array
     """Estimated px, py, vx, vy ``(4, scans, runs)``."""
@@ -159,7 +159,7 @@ class Rollout(NamedTuple):
 def rollout(
     make: Callable[[], Tracker], scans: Sequence[Scan], checks: OutputChecks | None = None, drive: str = ""
 ) -> Rollout:
-    """Step a tracker through scans with the batch axis ``(runs,)``, or one tracker per run if it takes no batch.
+    """Step a tracker through scans with the batch axis ``(runs,)``, or one tracker per run without batches.
 
     Raises:
         StepFailed: the tracker raised, or returned no valid estimate.

@@ -39,7 +39,7 @@ class SensorInnovations:
     time: Array
     """Times of the valid measurements ``(k,)``, s."""
     applied: Array
-    """Innovations ``(m, k)`` by which the estimates moved; NaN where they did not move."""
+    """Innovations ``(m, k)`` of the k measurements by which the estimates moved; NaN where no estimate moved."""
     expected: Array
     """Measurements minus predictions ``(m, k)``, by the tracker's own state and the right measurement model."""
 
@@ -59,11 +59,11 @@ class EvidenceRun:
     target: Array
     """True px, py, vx, vy ``(4, scans)``."""
     mean: Array
-    """Estimates of the tracker ``(4, scans)``, NaN where there is none."""
+    """Estimates of the tracker ``(4, scans)``, NaN where there is no estimate."""
     covariance: Array
     """Covariances of the tracker ``(4, 4, scans)``."""
     reference_mean: Array
-    """Estimates of the reference tracker ``(4, scans)``, NaN where there is none."""
+    """Estimates of the reference tracker ``(4, scans)``, NaN where there is no estimate."""
     reference_covariance: Array
     """Covariances of the reference tracker ``(4, 4, scans)``."""
     innovations: list[SensorInnovations]

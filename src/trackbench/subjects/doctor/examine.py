@@ -46,7 +46,7 @@ REPORT_PERIOD_S = 0.2
 
 
 class StepCount:
-    """Counter that is called at every step, and reports the progress.
+    """Counter that is called at every step of a tracker (one scan), and reports the progress.
 
     Args:
         progress: called with the number of steps done and of all steps.
@@ -89,7 +89,7 @@ def reference_tracker(engine: Engine = "numpy") -> Tracker:
 
 
 class Doctor:
-    """Examiner of trackers with given sensors.
+    """Examiner of trackers of one object, with given sensors.
 
     Args:
         sensors: sensors by name. Their kinds, noise, rates, mountings and latencies are used. In an examination they
@@ -183,7 +183,7 @@ class Doctor:
         return Examination(name, rank_findings(findings), all_checks)
 
     def _make_for_models(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
-        """Return the result of a check; a check of filters is made for each model where the tracker has several."""
+        """Return the result of a check; a check of filters is made for each model of a tracker with several models."""
         models = tracker.once(single_models) if check.of_filters and not check.every_drive else []
         if not models:
             return self._make_check(check, tracker)
@@ -200,7 +200,7 @@ class Doctor:
         return of_models
 
     def _make_check(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
-        """Return the result of a check; a question that is not asked gets the reason."""
+        """Make a check and return its result; a question that is not asked gets the reason as its answer."""
         left_out = self._unmade(check)
         every = self._unmade(check, "")
         if every and {result.name for result in every} == {result.name for result in left_out}:
@@ -224,7 +224,7 @@ class Doctor:
         return not (unmade or tracker.memoryless) and tracker.once(stated_covariance_fault) is not None
 
     def _unmade(self, check: DoctorCheck[Any], reason: str | None = None) -> list[CheckResult]:
-        """Return results for the questions that the user's assumptions exclude; with a reason, for all questions."""
+        """Return results without a verdict for a check's questions that the user excludes, or with a reason for all."""
         if len(self.sensors) < check.least_sensors:
             return []
         return self._assumptions.left_out(check, list(self.sensors), reason)
@@ -233,7 +233,7 @@ class Doctor:
     def evidence(
         self, examination: Examination, make: Callable[[], Tracker], progress: Progress = no_progress
     ) -> list[EvidenceRun]:
-        """Return the runs that show the root causes, or a run of the default drive where none does.
+        """Return the runs that show the root causes, or a run of the default drive where no drive does.
 
         Args:
             examination: findings and checks.

@@ -13,7 +13,7 @@ from trackbench.subjects.doctor.trial import Trial
 
 
 def linearised_gain(trial: Trial, used: Mask | None = None) -> Array:
-    """Return the gain ``(4, m)`` of an EKF; its columns are zero for components that are not ``used`` ``(m,)``."""
+    """Return the gain ``(4, m)`` of an EKF; columns of components not in the mask ``used`` ``(m,)`` are zero."""
     p = linalg.symmetrise(trial.prediction.covariance)
     cross = p @ trial.jacobian.T
     return _gain(cross, trial.jacobian @ cross + trial.scan.noise_covariance, used)
@@ -68,15 +68,15 @@ class ImpliedModel(NamedTuple):
     trial: Trial
     used: Mask
     noise: Array
-    """Implied noise variance over the stated one ``(m,)``; NaN where the implied row points away from the right one."""
+    """Implied divided by stated noise variances ``(m,)``; NaN where an implied row points away from the right row."""
     direction_difference: Array
     """Unit vector along each row of the implied Jacobian, minus the one along the right row ``(m, 4)``."""
     size: Array
-    """Length ``(m,)`` of the implied row along the right one, divided by the right length."""
+    """Length ``(m,)`` of each implied Jacobian row along the right row, divided by the right row's length."""
     jacobian: Array
-    """Jacobian ``(m, 4)`` of the measurement by the state that the update implies."""
+    """Implied Jacobian ``(m, 4)`` of the measurement with respect to the state."""
     own_noise: Array
-    """Noise variances ``(m,)`` over the stated ones with which the implied Jacobian gives the tracker's gain."""
+    """Noise variances ``(m,)``, divided by the stated ones, with which the implied Jacobian gives the applied gain."""
     noise_correlation: float = 0.0
     """Largest absolute correlation between two components of the implied noise; 0 for the stated noise."""
 
@@ -100,7 +100,7 @@ class SamplingErrors(NamedTuple):
 def implied_model(trial: Trial) -> ImpliedModel | None:
     """Return Jacobian and noise of the Kalman filter that makes the tracker's update; None if there is no such filter.
 
-    The update is that with the predicted measurement. Its gain and covariance determine both.
+    The update with a measurement equal to the predicted one is taken: its gain and covariance determine both matrices.
     """
     update = trial.update(trial.predicted_measurement)
     if update is None or update.information is None or not update.used.any():
@@ -144,7 +144,7 @@ def _to_correlations(matrix: Array) -> Array:
 
 
 def variance_of_ray(components: Sequence[str], sigma: Array) -> Array:
-    """Return noise variances ``(m,)``, over the stated ones, of a filter that projects velocities on the measured ray.
+    """Return noise variances ``(m,)``, divided by stated ones, if a filter projects velocities on the measured ray.
 
     An azimuth error turns the ray: the range rate then has a part of a target's velocity across it (20 m/s here).
     """

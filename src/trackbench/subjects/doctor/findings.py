@@ -33,15 +33,16 @@ class Role(NamedTuple):
     """How a fault is found, and its order among the possible causes of other findings."""
 
     kinds: str = ""
-    """Kinds of the fault, separated by blanks: ``exact``, ``motion``, ``driven``, ``ego``."""
+    """Kinds of the fault, separated by blanks: ``exact`` (no other fault looks like it), ``motion`` (of predictions),
+    ``driven`` (seen by the errors in test drives), ``ego`` (of the sensor's own motion)."""
     rank: int = 100
-    """Order among possible causes; a lower rank is tried first."""
+    """Order of the fault among possible causes of other findings; a lower rank is tried first."""
     drive: str | None = None
     """Name of the test drive in which the fault is visible; None where the finding names one, or none does."""
 
 
 class KnownFault(NamedTuple):
-    """A fault that the doctor can name."""
+    """A fault that the doctor can name, with the place to look at and the fix."""
 
     title: str
     where: str
@@ -79,8 +80,8 @@ class DoctorCheck(Generic[P]):
 
     make: Callable[P, PartResult]
     place: int
-    """Order of the check in an examination: first estimates, predictions, single measurements, whole tracks. Checks of
-    all estimates (900) and of all failed steps (1000) come last."""
+    """Number that orders the checks of an examination, ascending: first estimates, predictions, single measurements,
+    whole tracks. Checks of all estimates (900) and of all failed steps (1000) come last."""
     questions: tuple[Question, ...] = ()
     of_filters: bool = False
     """Whether the check needs a tracker that predicts and updates; returning the last measurement is not enough."""
@@ -92,7 +93,7 @@ class DoctorCheck(Generic[P]):
     every_drive: bool = False
     """Whether the check steps the tracker through every test drive."""
     faults: Mapping[str, KnownFault] = field(default_factory=dict)
-    """Faults that the check finds, by name. A fault of several checks is in the record of the first one."""
+    """Faults that the check finds, by name. A fault of several checks is in the first check's record."""
 
     @property
     def name(self) -> str:
@@ -110,7 +111,8 @@ class DoctorCheck(Generic[P]):
     def with_faults(self, checks: Iterable[CheckResult], findings: Sequence[Finding]) -> list[CheckResult]:
         """Return results of this check; a failed one that names no fault gets the faults of findings that concern it.
 
-        A finding concerns a result if its sensor fits, and its fault belongs to the result's question or to none.
+        A finding concerns a result if the sensors fit, and its fault is found by the result's question or by no single
+        question of the check.
         """
         finds = {question.name: question.finds for question in self.questions}
         shared = {fault for faults in finds.values() for fault in faults}
@@ -189,7 +191,7 @@ class Finding:
     factor: float | None = None
     """Tracker's value divided by the right one (for noise: of variances); None where no value has a wrong size."""
     shown_by: str | None = None
-    """Name of the probe or test drive that shows the fault best."""
+    """Name of the probe (test target) or test drive that shows the fault best; None if unknown."""
     run: int = 0
     """Index of the run that shows the fault best, where ``shown_by`` is a test drive."""
     consequence_of: str | None = None
@@ -211,7 +213,7 @@ def rank_findings(findings: Iterable[Finding]) -> list[Finding]:
     A finding is the consequence of the first root cause that can explain it.
 
     Args:
-        findings: in the order in which they were found.
+        findings: findings of all checks, in the order in which they were found.
     """
     faults = known_faults()
     of_faults: dict[str, list[Finding]] = {}
@@ -294,7 +296,7 @@ class PartResult:
     def add(
         self, name: str, passed: bool | None, result: str, *findings: Finding | None, question: str = ""
     ) -> PartResult:
-        """Append the answer to a question, and its findings; an empty ``question`` is the check's."""
+        """Append the answer to a question, and findings; with an empty ``question`` the recorded wording is taken."""
         shown = [finding for finding in findings if finding is not None]
         faults = tuple(dict.fromkeys(finding.fault for finding in shown)) if passed is False else ()
         self.checks.append(CheckResult(name, question, passed, result, faults=faults))
@@ -302,7 +304,7 @@ class PartResult:
         return self
 
     def add_evidence(self, name: str, finding: Finding | None, otherwise: str) -> PartResult:
-        """Append an answer, failed if there is a finding; its text is the finding's evidence or ``otherwise``."""
+        """Append an answer, failed if there is a finding; the text is the finding's evidence, or else ``otherwise``."""
         return self.add(name, finding is None, otherwise if finding is None else finding.evidence, finding)
 
     def note(self, name: str, passed: bool, text: str, fault: str) -> PartResult:

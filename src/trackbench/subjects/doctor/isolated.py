@@ -49,7 +49,10 @@ class SingleObjectTracker:
         return getattr(self._tracker, "_trackers", self._tracker), getattr(self._tracker, "_states", None)
 
     def step(self, state: int | None, scan: Scan) -> tuple[int | None, Estimate | None]:
-        """Return id and estimate of the track followed so far, or else of the one nearest to the detection, or None."""
+        """Return id and estimate of the track followed so far, or else of the one nearest to the detection.
+
+        The estimate is None where there is no track.
+        """
         detections = 1 if scan.valid else 0
         batch = scan._replace(
             measurement=np.repeat(scan.measurement[:, None, None], detections, axis=1),
@@ -117,5 +120,5 @@ def examine_filter(sensors: Mapping[str, Sensor], make: Callable[[], Any]) -> tu
 
 
 def _is_tuning(finding: Finding) -> bool:
-    """Return whether a finding is a larger noise than stated that may be tuning: no drive here would show its harm."""
+    """Return whether a finding is a noise moderately larger than stated, perhaps chosen: no drive shows its harm."""
     return finding.fault == "r_too_large" and finding.factor is not None and finding.factor < TUNING

@@ -19,5 +19,5 @@ def best_multiple(value: Array, matrix: Array) -> float:
 
 
 def cv_transition(step: float) -> Array:
-    """Return the transition ``(4, 4)`` with constant velocity over ``step`` s."""
+    """Return the transition matrix ``(4, 4)`` of px, py, vx, vy with constant velocity over ``step`` s."""
     return np.eye(4) + step * np.eye(4, k=2)

@@ -31,7 +31,7 @@ def without_warnings() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class WorstCase:
-    """Estimate that violates one check most."""
+    """Place and time of the estimate that violates one check of all estimates most, and by how much."""
 
     size: float
     where: str
@@ -40,7 +40,7 @@ class WorstCase:
     """Time of the estimate, s."""
     sensor: str
     scans: Callable[[], Sequence[Scan]]
-    """Returns all scans that the tracker was given up to that time, without batch axes."""
+    """Returns all scans that the tracker was given up to ``time``, without batch axes."""
 
 
 class OutputChecks:
@@ -50,11 +50,11 @@ class OutputChecks:
         self.estimates = 0
         self.indefinite_estimates = 0
         self.not_finite: WorstCase | None = None
-        """First estimate with a value that is not finite."""
+        """First estimate with a value that is not finite; None for no such estimate."""
         self.asymmetry: WorstCase | None = None
-        """Largest difference of mirrored entries, divided by the geometric mean of their variances."""
+        """Estimate with the largest difference of mirrored covariance entries, divided by their standard deviations."""
         self.indefinite: WorstCase | None = None
-        """Smallest eigenvalue of a covariance scaled to unit variances, with the sign changed."""
+        """Estimate with the smallest eigenvalue of the covariance scaled to unit variances; ``size``: its negative."""
 
     def add(self, estimate: Estimate | None, scan: Scan, where: str, scans: Sequence[Scan]) -> None:
         """Check the estimate after ``scan``, the last of all ``scans`` of the tracker; None is not counted."""

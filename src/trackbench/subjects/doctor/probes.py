@@ -48,7 +48,7 @@ class SensorSite(NamedTuple):
     """Pose of the sensor relative to the observer: forward, m; left, m; yaw, rad."""
 
     def carrier(self, observer: Carrier) -> Carrier:
-        """Return the observer that carries the sensor in a probe or drive written for ``observer``."""
+        """Return the observer that carries the sensor, in place of the ``observer`` of a probe or test drive."""
         return (self.moving or observer) if observer.moves else self.standing
 
     def target(self, state: Array, observer: Carrier) -> Array:
@@ -94,7 +94,7 @@ RATES = (10.0, 50.0)
 
 
 def examination_rate(sensor: Sensor) -> float:
-    """Return a sensor's rate, limited to 10 to 50 Hz; 10 (lidar) or 20 (others) for a sensor without a rate."""
+    """Return a sensor's rate limited to 10 to 50 Hz; without a rate, 10 Hz for a lidar and 20 Hz for other sensors."""
     return float(np.clip(sensor.rate_hz or (10.0 if sensor.type == "lidar" else 20.0), *RATES))
 
 
@@ -129,7 +129,7 @@ def turned_mounting(scan: Scan, angle: float) -> Scan:
 
 
 class Probe(NamedTuple):
-    """A target of constant speed and an observer of constant velocity; measurements are tried at time 0."""
+    """A test target of constant speed and an observer of constant velocity; measurements are tried at time 0."""
 
     name: str
     description: str
@@ -249,7 +249,7 @@ AT_REST = Probe("at_rest", "a target at rest", (17.0, 11.0, 0.0, 0.0))
 
 
 class Probes(NamedTuple):
-    """Probes of an examination, grouped by the motion of target and observer."""
+    """Probes (test targets) of an examination, grouped by the motion of target and observer."""
 
     general: tuple[Probe, ...] = GENERAL
     radial: Probe = RADIAL
@@ -266,7 +266,7 @@ class Probes(NamedTuple):
         return self._replace(moving=(), passing=tuple(probe.standing() for probe in self.passing))
 
     def placed(self, sites: Sequence[SensorSite]) -> Probes:
-        """Return the probes placed at the first site; those at the azimuth pi, ``axes``, are placed at every site."""
+        """Return the probes moved to the first sensor's site; ``axes``, at the azimuth pi, are moved to every site."""
         site = sites[0]
 
         def all_placed(probes: Sequence[Probe]) -> tuple[Probe, ...]:

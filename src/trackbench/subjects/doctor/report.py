@@ -64,7 +64,7 @@ class Examination:
         return [f"{check.name}: {check.result}" for check in self.checks if check.passed and NO_HARM in check.result]
 
     def certainty(self, cause: Finding | None = None) -> Certainty:
-        """Return how sure it is that a root cause is the named fault; by default for the first root cause."""
+        """Return how certain it is that a root cause (by default the first one) has the right name."""
         return certainty(self.findings, self.checks, cause or next(iter(self.causes), None))
 
     def json(self) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class Examination:
         }
 
     def report(self) -> Report:
-        """Return the report that ``trackbench doctor`` writes."""
+        """Return the examination as a page: the verdict, the faults with evidence and fix, the checks, and figures."""
         return Report(examination_document(self))
 
     def save(self, folder: Path | str) -> list[str]:

@@ -43,7 +43,7 @@ class StepFailed(Exception):
 
 
 class MissGiven(StepFailed):
-    """Error in place of a step without a detection, of a tracker that may assume a detection in every scan."""
+    """Error raised in place of a step at a scan without a detection, which the user excludes for the tracker."""
 
     def __init__(self, scan: Scan) -> None:
         super().__init__(TrackerFault("it is given no scans without a detection"), scan)
@@ -55,7 +55,7 @@ def do_nothing() -> None:
 
 @dataclass(frozen=True)
 class TrackerFactory:
-    """Maker of fresh trackers, with the rules for their steps."""
+    """Maker of fresh trackers, with a rule for scans without a detection, and a counter of steps."""
 
     make: Callable[[], Tracker]
     no_misses: bool = False

@@ -48,7 +48,7 @@ class TrackerUnderTest:
         make: makes a fresh tracker.
         sensors: sensors by name.
         drives: test drives, each with the estimates of the reference tracker.
-        probes: all probes.
+        probes: test targets at which single measurements are tried.
         seed: seed of the noise.
         assumptions: what the user states of the tracker and its sensors.
         on_step: called after each step of the tracker.
@@ -72,7 +72,7 @@ class TrackerUnderTest:
         self.seed = seed
         self.output_checks = OutputChecks()
         self.failures: list[tuple[str, StepFailed]] = []
-        """Failed steps, each with the name of the probe, drive or check where it happened."""
+        """Failed steps, each with the name of the probe (test target), test drive or check where it happened."""
         self._sessions: dict[tuple[Probe, tuple[str, ...], bool], TrackerSession | None] = {}
         self._trials: dict[tuple[Probe, str, tuple[str, ...], bool], Trial | None] = {}
         self._at_zero: dict[Probe, tuple[TrackerSession, Estimate] | None] = {}
@@ -80,7 +80,7 @@ class TrackerUnderTest:
         self._answers: dict[Callable[[TrackerUnderTest], Any], Any] = {}
 
     def for_tracker(self, make: Callable[[], Tracker]) -> TrackerUnderTest:
-        """Return the trackers of ``make`` under the same test: same sensors, drives, probes and assumptions."""
+        """Return a test of the trackers of ``make`` with the sensors, drives, probes and assumptions of this test."""
         on_step = self.make.on_step
         return TrackerUnderTest(make, self.sensors, self.drives, self.probes, self.seed, self.assumptions, on_step)
 
@@ -146,7 +146,7 @@ class TrackerUnderTest:
         return probe.scan(name, self.sensors[name], time)
 
     def missed(self, probe: Probe, name: str, time: float) -> Scan:
-        """Return the scan, without a detection, of a sensor at a probe."""
+        """Return a sensor's scan of a probe (test target) without a detection, at a time in s."""
         return empty_scan(self.scan(probe, name, time))
 
     def peek(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
@@ -194,10 +194,10 @@ class TrackerUnderTest:
         return None
 
     def predicted(self, probe: Probe, step: float) -> tuple[Estimate, Estimate] | None:
-        """Return the estimates at a missed scan at time 0, and at one ``step`` s later.
+        """Return the estimates at a scan without a detection at time 0, and at another ``step`` s later.
 
         None where the tracker failed, or an estimate is missing or not finite. Before time 0 all sensors measure,
-        or one where the tracker fails with all.
+        or one sensor where the tracker fails with all.
         """
         name = next(iter(self.sensors))
         if probe not in self._at_zero:
@@ -219,12 +219,12 @@ class TrackerUnderTest:
 
     @cached_property
     def trials(self) -> dict[str, list[Trial]]:
-        """Usable trials at the regular probes, by sensor."""
+        """Trials with a valid prediction at the regular probes (test targets), by name of the sensor."""
         return self._regular_trials(replica=False)
 
     @cached_property
     def replicas(self) -> dict[str, list[Trial]]:
-        """Trials as in ``trials``, by sensor, of a tracker whose random samples are shifted."""
+        """Trials with other random samples at the probes of ``trials``, by name of the sensor."""
         return self._regular_trials(replica=True)
 
     def _regular_trials(self, *, replica: bool) -> dict[str, list[Trial]]:
@@ -256,7 +256,7 @@ class TrackerUnderTest:
 
     @cached_property
     def silent_at_misses(self) -> bool:
-        """Whether the tracker returns no estimate (None) at a missed scan where it has one at a measurement."""
+        """Whether the tracker returns no estimate (None) at a scan without a detection, but returns one with it."""
         probe, sensor_set = self.probes.general[0], self.sensor_sets()[-1]
         session = self.session_at(probe, sensor_set)
         scan = self.scan(probe, sensor_set[0], 0.0)

@@ -102,7 +102,7 @@ class Site:
         return [self.scan(float(t) + origin, self.detections(objects, float(t), random), order) for t in times]
 
     def expected(self, tracks: Tracks, column: int) -> tuple[Array, Array, Array]:
-        """Return the predicted measurement of a track, the innovation covariance, and the gain of a Kalman filter."""
+        """Return predicted measurement ``(m,)``, innovation covariance ``(m, m)`` and gain ``(4, m)`` of a track."""
         mean, prior = tracks.mean[:, column], tracks.covariance[:, :, column]
         slope = self.sensor.jacobian(mean, np.zeros(3), np.zeros(2))
         covariance = slope @ prior @ slope.T + self.sensor.noise_covariance()

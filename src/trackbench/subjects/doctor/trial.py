@@ -35,7 +35,7 @@ class Trial:
     """A tracker just before a measurement. Any measurement can be tried; none of them changes the tracker."""
 
     name: str
-    """Name of the probe or test drive."""
+    """Name of the probe (test target) or test drive."""
     description: str
     scan: Scan
     """Scan with the sensor's measurement of the true target."""
@@ -125,7 +125,7 @@ class Trial:
 
     @cached_property
     def gaussian_moments(self) -> tuple[Array, Array]:
-        """Covariance ``(4, m)`` of state and noise-free measurement, and covariance ``(m, m)`` of the latter.
+        """Covariance ``(4, m)`` of state and noise-free measurement, and covariance ``(m, m)`` of the measurement.
 
         The prediction is taken as Gaussian. The Gauss-Hermite rule with 81 points gives what sums over sigma points
         approximate (Arasaratnam, Haykin and Elliott 2007).
@@ -194,7 +194,7 @@ class Trial:
         return update if update is not None and update.used.any() else None
 
     def update(self, measurement: Array) -> TrialUpdate | None:
-        """Return the tracker's update with a measurement; None where it, or one close by, gives no estimate."""
+        """Return the tracker's update with a measurement; None where this or a neighbouring one gives no estimate."""
         key = _key(measurement)
         if key not in self._updates:
             self._updates[key] = self._differentiate(np.array(key))
@@ -242,7 +242,7 @@ class TrialUpdate:
 
     estimate: Estimate
     gain: Array
-    """Derivative ``(4, m)`` of the estimated mean by the measurement, by finite differences."""
+    """Derivative ``(4, m)`` of the estimated mean with respect to the measurement, from finite differences."""
     trial: Trial
 
     @cached_property
@@ -252,7 +252,7 @@ class TrialUpdate:
 
     @cached_property
     def used(self) -> Mask:
-        """Which components of the measurement move the estimate ``(m,)``."""
+        """Whether each component of the measurement moves the estimate, ``(m,)``."""
         size = np.linalg.norm(self.relative_gain, axis=0)
         return np.asarray(size > NO_GAIN * max(1.0, float(size.max())))
 

@@ -113,7 +113,7 @@ def _reordered(target: Array, scan: Scan, order: int, signs: list[int]) -> Array
 
 
 def _azimuth(target: Array, scan: Scan, change: Callable[[float], float], fixed: bool) -> Array:
-    """Predict with a changed azimuth: in the sensor's frame, or if ``fixed`` before the sensor's yaw is subtracted."""
+    """Predict a changed azimuth: in the sensor's frame, or if ``fixed`` before the sensor's yaw is subtracted."""
     z, yaw = right_measurement(target, scan).copy(), scan.sensor_pose[2] if fixed else 0.0
     z[1] = change(float(z[1] + yaw)) - yaw
     return z

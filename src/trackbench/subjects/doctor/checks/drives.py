@@ -38,16 +38,16 @@ PARTS = {"position": slice(0, 2), "velocity": slice(2, 4)}
 
 
 class Errors(NamedTuple):
-    """Errors of the estimates of a drive, ``(scans, runs)``; NaN where there is no estimate."""
+    """Errors of a tracker after each scan of a test drive, ``(scans, runs)``; NaN where there is no estimate."""
 
     distance: Array
     """Distance of the estimated position from the true one, m."""
     nees: dict[str, Array]
-    """NEES of the position and of the velocity, by name."""
+    """NEES ``(scans, runs)`` under each of the keys ``position`` and ``velocity``."""
 
 
 class JudgedDrive(NamedTuple):
-    """A drive with the errors of the tracker and of the reference, and the scans at which they are judged."""
+    """A test drive with the errors of the tracker and of the reference tracker, and masks of the scans that count."""
 
     drive: TestDrive
     errors: Errors
@@ -78,11 +78,11 @@ class JudgedDrive(NamedTuple):
 
     @property
     def believable(self) -> bool:
-        """Whether the position is not too far off, and the NEES of position and velocity are within their bounds."""
+        """Whether the RMS position error and the NEES of position and velocity are within their bounds."""
         return self.far <= 1.0 and not any(self.unbelievable(part) > 1.0 for part in PARTS)
 
     def unbelievable(self, part: str) -> float:
-        """Return the factor by which the NEES of position or velocity is beyond a bound; below 1 where it is within."""
+        """Return the factor by which the NEES of position or velocity is outside its bounds; at most 1 if inside."""
         share = self.nees(part) / 2.0
         return max(NEES[0] / max(share, 1e-12), share / (NEES[1] * self.drive.config.mismatch))
 

@@ -136,7 +136,7 @@ class EquationAnswers(NamedTuple):
     targets: int
     """Number of targets tried, up to the first with a wrong equation; 0 where no mean and covariance are found."""
     findings: tuple[Finding, ...]
-    """Equations that do not hold at the last target."""
+    """Faults of the equations that do not hold at the last target tried."""
     right: frozenset[str]
     """Names of the sensors whose gains follow from the covariance that the tracker holds, at all targets tried."""
 
@@ -274,7 +274,7 @@ def _noise_of_another_order(noise: Array) -> Finding | None:
 
 
 def _noise_of_another_power(noises: Array) -> Finding | None:
-    """Report an entry of the noise whose power of the time step does not go with the two other entries of its axis."""
+    """Report an entry of Q whose power of the time step does not fit that of the two other entries of its axis."""
     for axis in (0, 1):
         entries = ((axis, axis), (axis, axis + 2), (axis + 2, axis + 2))
         values = np.abs([[noise[entry] for entry in entries] for noise in noises])

@@ -224,7 +224,7 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -
 
 
 def _share_without_innovation(trials: Sequence[Trial], model: WrongModel, zero: float) -> float:
-    """Return the share of the trials in which a model's prediction has no innovation; 0 where it is below 85 %."""
+    """Return the share of trials in which a model's prediction has no innovation; 0 if the share is below 85 %."""
     remaining = len(trials)
     for trial in trials:
         remaining -= _innovation(trial, _measured(trial, model)) >= zero
@@ -234,7 +234,7 @@ def _share_without_innovation(trials: Sequence[Trial], model: WrongModel, zero: 
 
 
 def _innovation(trial: Trial, measurement: Array) -> float:
-    """Return the magnitude of the largest innovation that an update shows, in sigma; infinite where unknown."""
+    """Return the largest component of the innovation that an update applied, in sigma; infinite where unknown."""
     update = trial.update(measurement)
     if update is None or not update.used.any():
         return np.inf
@@ -247,7 +247,7 @@ def _measured(trial: Trial, model: WrongModel) -> Array:
 
 
 def _deviation(trial: Trial, model: WrongModel) -> Array:
-    """Return the distance ``(m,)`` of a wrong model's prediction from the right one, in sigma."""
+    """Return the magnitudes ``(m,)`` of a wrong model's predicted measurement minus the right one, in sigma."""
     return np.asarray(np.abs(_measured(trial, model) - trial.predicted_measurement) / trial.sigma)
 
 

@@ -23,7 +23,7 @@ SAME_FACTOR = 0.1
 
 
 def merge_wrong_gains(result: PartResult, tracker: TrackerUnderTest) -> PartResult:
-    """Replace ``jacobian_wrong`` of all sensors, if several, by one ``gain_inconsistent``; otherwise change nothing."""
+    """Replace ``jacobian_wrong`` findings by one ``gain_inconsistent`` if each of several sensors has one."""
     wrong = [finding for finding in result.findings if finding.fault == "jacobian_wrong"]
     if len(wrong) < 2 or len(wrong) < len(tracker.sensors):
         return result
@@ -33,9 +33,9 @@ def merge_wrong_gains(result: PartResult, tracker: TrackerUnderTest) -> PartResu
 
 
 def excuse_inflation(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
-    """Drop findings that the noise of all sensors is too large by one factor, if the drives show no harm.
+    """Drop findings that all sensors' noise is too large by one factor, if the test drives show no harm.
 
-    The gains are then those of the stated noise, made of a smaller covariance than the returned one.
+    The gains are then those of the stated noise, and follow from a smaller covariance than the returned one.
     """
     large = [finding for finding in result.findings if finding.fault == "r_too_large"]
     factors = [finding.factor for finding in large]
@@ -149,7 +149,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _excusable(tracker: TrackerUnderTest, rows: Sequence[ImpliedModel], findings: Sequence[Finding]) -> bool:
-    """Return whether the findings are no fault as long as the drives show no harm.
+    """Return whether the findings are no fault as long as the test drives show no harm.
 
     These are a noise somewhat larger than stated, and a gain that is neither a Kalman gain nor of a wrong Jacobian.
     """
@@ -185,7 +185,7 @@ def _fits_another_jacobian(rows: Sequence[ImpliedModel]) -> bool:
 def _implied_models(
     tracker: TrackerUnderTest, sensor: str, linear: Sequence[Trial]
 ) -> tuple[list[ImpliedModel], SamplingErrors]:
-    """Return the implied models of the trials, averaged over two sets of samples for a tracker with samples."""
+    """Return the Jacobian and noise implied by each trial; with a tracker's random samples, a mean of two draws."""
     rows = [implied_model(trial) for trial in linear]
     if tracker.once(sampling_noise) == 0.0:
         models = [row for row in rows if row is not None]

@@ -25,12 +25,12 @@ ERRORS = 3.0
 
 
 def _noises(rows: Sequence[ImpliedModel]) -> Array:
-    """Return implied over stated noise variances ``(n, m)`` of n trials; NaN where a row of the Jacobian is wrong."""
+    """Return implied divided by stated noise variances ``(n, m)`` of n trials; NaN where a Jacobian row is wrong."""
     return np.array([np.where(row.direction < 2 * DIRECTION, row.noise, np.nan) for row in rows])
 
 
 def noise_factors(rows: Sequence[ImpliedModel]) -> Array:
-    """Return the trials' medians ``(m,)`` of the implied over the stated variances; NaN with fewer than 3 trials."""
+    """Return median ratios ``(m,)`` of implied to stated variances over the trials; NaN with fewer than 3 trials."""
     noise = _noises(rows)
     is_known = np.isfinite(noise).sum(axis=0) >= 3
     return np.array([np.nanmedian(noise[:, i]) if is_known[i] else np.nan for i in range(noise.shape[1])])

@@ -1,4 +1,4 @@
-"""Do all measurements count at the time at which they were taken, two at one instant and late ones too?"""
+"""Do measurements count at the time at which they were taken, if two are of one instant and if they come late?"""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def same_instant(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _moved_by(session: TrackerSession, scans: Sequence[Scan]) -> float:
-    """Return how far the last mean moves, m and m/s, if the last measurement moves by 2 sigma; 0 without estimates."""
+    """Return the largest change of the last mean if the last measurement moves by 2 sigma; 0 without estimates."""
     *before, last = scans
     aside = last._replace(measurement=last.measurement + ASIDE * np.sqrt(np.diag(last.noise_covariance)))
     first, second = (session.copy().follow([*before, scan])[-1] for scan in (last, aside))

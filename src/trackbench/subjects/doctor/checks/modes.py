@@ -35,7 +35,7 @@ def _density(y: ModelInnovation) -> float:
 
 
 def _density_with_root(y: ModelInnovation) -> float:
-    """Return the log density with the conditional variances of the components in place of standard deviations."""
+    """Return an innovation's log density, computed wrongly with variances in place of standard deviations."""
     factor = linalg.cholesky(y.covariance)
     inverse = np.array(factor.inverse_diagonal)
     return float(-0.5 * np.sum((factor.whiten(y.value) * inverse) ** 2) + 2.0 * np.log(inverse).sum())
@@ -147,7 +147,7 @@ def _mostly(are_right: Iterable[bool]) -> bool:
 
 
 def _find_line(step: BankStep, right: Array, before: Array) -> str:
-    """Name the line before the prediction whose value is nearest to a right one without being right."""
+    """Name the tracker's line before the prediction that assigns the value nearest to ``right`` but not equal."""
     later = (k for k, entry in enumerate(step.assigned) if Pool([entry.value]).has(step.predicted.mean[0]))
     closest = nearest_assigned(step.assigned[: next(later, None)], right, before)
     if closest is None:

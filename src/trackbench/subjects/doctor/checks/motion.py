@@ -144,7 +144,7 @@ def _then_missed(session: TrackerSession, scan: Scan, later: float) -> list[Esti
 
 
 def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[tuple[Array, Array]]:
-    """Yield the covariances before and after a prediction over no time, if the first one is positive definite."""
+    """Yield, once, the covariances before and after a prediction over no time, if valid before the prediction."""
     session = TrackerSession(tracker.make)
     with tracker.recording_failures(probe.name):
         for scan in tracker.approach(probe, (name,)):
@@ -157,7 +157,7 @@ def _over_no_time(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterato
 
 
 def _reshaped(tracker: TrackerUnderTest, before: Array, after: Array) -> str:
-    """Describe how a prediction over no time changes a covariance; empty where sigma points cannot be the cause."""
+    """Describe how a prediction over no time changes a covariance; empty text if sigma points cannot be the cause."""
     lower = np.linalg.cholesky(linalg.symmetrise(before))
     if np.linalg.norm(after - lower.T @ lower) < SPREAD * np.linalg.norm(after):
         return ", and becomes L^T L of its lower Cholesky factor L: the points lie along its rows"

@@ -117,7 +117,7 @@ def _likely_state(prediction: Estimate) -> Array:
 
 
 def _scans_after(tracker: TrackerUnderTest, probe: Probe, duration: float = AFTER) -> list[Scan]:
-    """Return the noise-free scans of all sensors for some time after a probe's time 0."""
+    """Return all sensors' noise-free scans of a probe (test target) for ``duration`` s after its time 0."""
     scans = [
         tracker.scan(probe, name, k / probe_rate(sensor))
         for name, sensor in tracker.sensors.items()
@@ -187,7 +187,7 @@ def _nearly_equal(probabilities: Array, expected: Array) -> bool:
 def _estimate_after(
     tracker: TrackerUnderTest, session: TrackerSession, scans: Sequence[Scan]
 ) -> tuple[Estimate | None, Array | None]:
-    """Step a copy, until an estimate is not finite; return the last one and the models' probabilities ``(m,)``."""
+    """Step a copy until an estimate is not finite; return the last estimate and model probabilities ``(m,)``."""
     twin, estimate = session.copy(), None
     for scan in scans:
         estimate = twin.step(scan)
@@ -199,7 +199,7 @@ def _estimate_after(
 
 
 def _wild_scans(scan: Scan) -> Iterator[tuple[str, Scan]]:
-    """Yield scans with an error of one component, each with the error in words."""
+    """Yield pairs of an error in words, and the scan with this large error in one measurement component."""
     model = SENSOR_MODELS[scan.kind]
     for i, component in enumerate(model.components[:2]):
         for size, unit in TURNS if i in model.angular else LENGTHS[: 2 - i]:

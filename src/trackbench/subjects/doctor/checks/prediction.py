@@ -33,20 +33,20 @@ LATER, MISSED = 0.4, 0.25
 
 
 class PredictedStep(NamedTuple):
-    """A prediction without measurements over a time step that follows a previous one."""
+    """A prediction without measurements over a time step, after an earlier prediction."""
 
     step: float
     """Length of the step, s."""
     moved: float
     """Displacement along the velocity divided by the speed, s: the time step that the tracker used."""
     previous: float
-    """Length of the step before this one, s."""
+    """Length of the time step of the earlier prediction, s."""
     before: Estimate
     after: Estimate
 
     @property
     def straight(self) -> bool:
-        """Whether the velocity stays constant, and the estimate moves along it."""
+        """Whether the velocity stays constant, and the estimated position moves along the velocity."""
         velocity, later = self.before.mean[2:], self.after.mean[2:]
         across = np.array([-velocity[1], velocity[0]]) / (velocity @ velocity)
         aside = abs(float(across @ (self.after.mean - self.before.mean)[:2]))
@@ -134,7 +134,7 @@ def _explain(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Findi
 
 
 def _unit(ratio: float) -> tuple[str, float] | None:
-    """Return the unit of time that is confused with seconds, and the ratio of both; None where no unit fits."""
+    """Return the name of the unit of time confused with seconds, and its exact ratio; None where no unit fits."""
     for name, size in UNITS.items():
         for exact in (size, 1.0 / size):
             if ratio > 0.0 and abs(np.log(ratio / exact)) < FAR_APART:
@@ -153,7 +153,7 @@ def _other_time(steps: Sequence[PredictedStep]) -> Finding | None:
 
 
 def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
-    """Return the position error after a noise-free measurement, m; None if the estimate lags behind the target."""
+    """Return the position error after a noise-free measurement, m; None without an estimate near the target."""
     errors = []
     sensor_set = tracker.sensor_sets()[-1]
     for probe in tracker.probes.general[:2]:

@@ -115,7 +115,7 @@ def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
-    """Add the answer whether the variance of the velocity grows with the time step, as white noise makes it."""
+    """Add to ``result`` whether the velocity's variance grows in proportion to the time step, as by white noise."""
     pairs = []
     for probe in tracker.probes.general[:3]:
         estimates = [tracker.predicted(probe, step) for step in STEPS]
@@ -139,7 +139,7 @@ def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
 
 
 def _faded(before: Estimate, after: Estimate, step: float) -> bool:
-    """Return whether the covariance, moved with the estimate, is only multiplied, as with a fading memory.
+    """Return whether a prediction multiplies the moved covariance by a number only, as a fading memory does.
 
     Entries are scaled by standard deviations: the velocity's growth alone can be in proportion to its variances.
     """

@@ -51,7 +51,7 @@ class Approach(NamedTuple):
     """Noise ``(scans, m)`` of the measurements, in standard deviations."""
 
     def time(self, k: int) -> float:
-        """Return the time of scan number ``k``, s."""
+        """Return the time of the scan with index ``k``, from 0, in s."""
         return k / probe_rate(self.sensor)
 
     def scan(self, k: int) -> Scan:
@@ -165,7 +165,7 @@ def _allowed(first: FirstEstimate) -> float:
 
 
 def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
-    """Report first velocities with an error of the sensor's own velocity along the line of sight, or of twice that."""
+    """Report first velocities off by one or two times the sensor's own velocity along the line of sight."""
     seen = [(first, _along(first, first.scan.sensor_velocity)) for first in started]
     moving = [(first, ego) for first, ego in seen if abs(ego) > OWN]
     for times, words in ((1.0, "left out"), (2.0, "added, and is to be subtracted")):
@@ -191,7 +191,7 @@ def _along(first: FirstEstimate, vector: Array) -> float:
 
 
 def _is_significant(first: FirstEstimate, error: float) -> bool:
-    """Return whether an error of the velocity along the line of sight is beyond the stated covariance."""
+    """Return whether a velocity error along the line of sight exceeds 2 of the estimate's standard deviations."""
     sight = first.truth[:2] - first.scan.sensor_pose[:2]
     variance = sight @ first.estimate.covariance[2:, 2:] @ sight / (sight @ sight)
     return bool(error**2 > 4.0 * variance)

@@ -1,8 +1,8 @@
-"""Is the returned covariance computed, and is it the one that gains are made of?
+"""Is the returned covariance computed, and do the tracker's gains follow from it?
 
 A gain is made of the tracker's own predicted covariance: ``K = P H^T (H P H^T + R)^-1``. So the columns ``P H^T`` are
 ``K (I - H K)^-1 R``, and the covariance of the whole state with the position follows from a gain alone. Where two
-sensors give the same one, it is the tracker's own.
+sensors give the same covariance, it is the tracker's own.
 """
 
 from __future__ import annotations
@@ -93,13 +93,13 @@ def _constant(tracker: TrackerUnderTest) -> Finding | None:
 
 
 class OwnCovariance(NamedTuple):
-    """Covariance that the gains of two sensors at one target imply, beside the returned one."""
+    """Covariance that the gains of two sensors at one target imply, compared with the returned covariance."""
 
     trial: Trial
     own: Array
     """Covariance ``(4, 2)`` of state and position: the mean of the two that the gains of the sensors imply."""
     gap: float
-    """Difference between the covariances by the two sensors, relative to ``own``."""
+    """Difference between the covariances that the gains of the two sensors imply, relative to ``own``."""
     distance: float
     """Distance of ``own`` from the nearest multiple of the returned covariance, relative to ``own``."""
 

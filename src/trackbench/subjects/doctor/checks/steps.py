@@ -1,4 +1,4 @@
-"""Failed steps, and what they mean: fresh trackers are given the scans before them again.
+"""Failed steps and their causes, found by giving the earlier scans to a fresh tracker.
 
 A failed step is a finding, or shows that nothing can be asked of the tracker.
 """
@@ -40,11 +40,11 @@ TRIED = 6
 SHOWN = 4
 
 Failures = Sequence[tuple[str, StepFailed]]
-"""Failed steps, each with the name of the probe, drive or check where it happened."""
+"""Failed steps, each with the name of the probe (test target), test drive or check where it happened."""
 
 
 Cause = tuple[str, str, str | None]
-"""A fault, its evidence and its sensor."""
+"""Name of a fault, its evidence in words, and the name of its sensor, None if it is not of one sensor alone."""
 
 
 class CannotRun(TrackbenchError):
@@ -52,7 +52,7 @@ class CannotRun(TrackbenchError):
 
 
 def require_runnable(tracker: TrackerUnderTest) -> None:
-    """Follow targets in general position with each sensor alone, until a scan is processed.
+    """Follow test targets with each sensor alone, until the tracker processes a scan without an error.
 
     Raises:
         CannotRun: the tracker processes no scan of any sensor.
@@ -173,7 +173,7 @@ def _in_drive(tracker: TrackerUnderTest, where: str) -> bool:
 
 
 def fault_of_error(failure: StepFailed) -> str:
-    """Return the name of the fault that the error of a failed step shows without a repetition."""
+    """Return the name of the fault that a failed step's error shows, without a repetition of the step."""
     fault = failure.fault
     if fault.cause.startswith(NOT_COPIED):
         return "not_deterministic"
@@ -187,7 +187,7 @@ def fault_of_error(failure: StepFailed) -> str:
 
 
 def _cause(tracker: TrackerUnderTest, failure: StepFailed) -> Cause | None:
-    """Repeat the scans of a failed step, and return the fault of the covariance that shows; None where none shows."""
+    """Repeat the scans of a failed step; return the fault of the covariance that then shows, or None."""
     if fault_of_error(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE):
         return None
     step = first_indefinite_step(tracker.make, [*failure.earlier_scans, failure.scan])
@@ -198,20 +198,20 @@ def _cause(tracker: TrackerUnderTest, failure: StepFailed) -> Cause | None:
 
 
 class Circumstances(NamedTuple):
-    """Answers of a fresh tracker to the scans before a failed step, and to a missed measurement in the step's place."""
+    """Answers of a fresh tracker to the scans before a failed step, and to a scan without a detection in its place."""
 
     before: Estimate | None
-    """Estimate after the scans before the failed step."""
+    """Estimate after the scans before the failed step; None without an estimate."""
     predicted: Estimate | None
-    """Estimate at a missed measurement at the time of the failed step."""
+    """Estimate at a scan without a detection at the time of the failed step; None without an estimate."""
     missed_fails: bool | None
-    """Whether the missed measurement fails as well; None where none may be given."""
+    """Whether the scan without a detection fails, too; None if the user excludes such scans."""
 
 
 def circumstances(make: Make, failure: StepFailed) -> Circumstances | None:
-    """Give the scans before a failed step to a fresh tracker, and then a missed measurement; return its answers.
+    """Give the scans before a failed step, and one without a detection, to a fresh tracker; return its answers.
 
-    None where that tells nothing, or the tracker fails at another scan this time.
+    None where the answers tell nothing, or the tracker fails at another scan this time.
     """
     if fault_of_error(failure) in ("not_deterministic", "process_ended"):
         return None

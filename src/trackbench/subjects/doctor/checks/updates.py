@@ -62,7 +62,7 @@ class UpdateAnswers(NamedTuple):
     noise: Array
     """Stated noise covariance R ``(m, m)``."""
     kept: dict[str, float]
-    """Share of an update of the ``mean`` and of the ``covariance`` that is still returned an instant later."""
+    """Shares of the updates of ``mean`` and ``covariance``, by these names, still returned an instant later."""
     whole: bool
     """Whether all components of a measurement move the estimate."""
     assigned: Sequence[Assigned]
@@ -70,13 +70,16 @@ class UpdateAnswers(NamedTuple):
     def right_gain(
         self, *, jacobian: Array | None = None, noise: Array | None = None, covariance: Array | None = None
     ) -> Array:
-        """Return the Kalman gain ``(n, m)``; by default by the right Jacobian, stated noise and own covariance."""
+        """Return the Kalman gain ``(n, m)``; by default of the right Jacobian, stated noise and held covariance."""
         h, r = self.jacobian if jacobian is None else jacobian, self.noise if noise is None else noise
         p = self.covariance if covariance is None else covariance
         return np.asarray(np.linalg.solve(h @ p @ h.T + r, h @ p).T)
 
     def gain_error(self, gain: Array) -> float:
-        """Return the largest difference of a gain from the applied one, relative to the applied one's largest entry."""
+        """Return the largest difference of ``gain`` from the applied gain, relative to the latter's largest entry.
+
+        Entries are scaled by the standard deviations of state and measurement.
+        """
         scale = np.sqrt(np.diag(self.noise)) / np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))[:, None]
         return float(np.abs((gain - self.gain) * scale).max() / np.abs(self.gain * scale).max())
 
@@ -100,7 +103,7 @@ def update_finding(held: OwnFilter, scan: Scan) -> tuple[Finding | None, bool]:
 
 
 def _answers(held: OwnFilter, scan: Scan, covariance: Array, after_s: float = INSTANT) -> UpdateAnswers | None:
-    """Try measurements ``after_s`` later, from ``covariance``; return None if the predicted one moves the mean."""
+    """Try measurements ``after_s`` later, from ``covariance``; None if the predicted measurement moves the mean."""
     scan = scan._replace(time=held.time + after_s)
     missed, later = empty_scan(scan), empty_scan(scan._replace(time=scan.time + INSTANT))
     before, outputs = held.after(missed, covariance=covariance), held.outputs(missed)
@@ -233,7 +236,7 @@ def _written_noise_fault(sensor: str, kind: str, noise: Assigned, stated: Array)
 
 
 def _noise_finding(text: str, fault: str, sensor: str, factor: float) -> Finding:
-    """Report a noise that is wrong by a factor; one that is only somewhat too large is less certain to be a fault."""
+    """Report a measurement noise that is wrong by a factor; a slightly too large one is less certain to be a fault."""
     confidence = 0.9 if fault == "r_too_large" and factor < CAUTIOUS else PROVEN
     return Finding(fault, confidence, text, sensor=sensor, factor=factor)
 

@@ -166,7 +166,7 @@ def _sigma(estimate: Estimate) -> Array:
 
 
 def _sampling_deviation(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
-    """Return the RMS deviation of the runs from their mean, in standard deviations: the median over the scans."""
+    """Return the median over scans of the runs' RMS deviation from their mean, in stated standard deviations."""
     deviation = (np.array(runs) - np.mean(runs, axis=0)) / np.array(sigmas)
     squares = np.mean(deviation**2, axis=(0, 2)) * len(runs) / (len(runs) - 1)
     # A median, since few samples carry the weight of the first measurements.

@@ -1,8 +1,8 @@
 """Is every angle wrapped where it passes pi?
 
-If the target, the prediction and the measurement are turned about the sensor, the estimate must turn with them. It does
-not where an angle at pi is not wrapped. So updates of a target near the axis are compared with updates of the same
-target turned away.
+If the target, the prediction and the measurement are turned about the sensor, the estimate must turn with them. The
+estimate does not turn where an angle at pi is not wrapped. So updates of a target near the azimuth pi are compared with
+updates of the same target turned away from pi.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Jump(NamedTuple):
     line: str = ""
     """Line of the tracker's code with the difference that is not wrapped; empty where it is not found."""
     confirmed: bool = False
-    """Whether the tracker is right where a turned mounting or target keeps its azimuths off pi: pi is the cause."""
+    """Whether pi is the cause: updates are right where a turned mounting or target keeps all azimuths off pi."""
 
 
 @doctor_check(
@@ -130,7 +130,7 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
 
 
 def _jumps_of(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> list[Jump]:
-    """Compare updates by measurements on both sides of a target at pi with updates of the target turned away."""
+    """Compare updates left and right of a target at the azimuth pi with those of the target turned away from pi."""
     turned_probe = probe.turned(TURN, tracker.sensors[name])
     at_pi, turned = tracker.trial(probe, name, sensor_set), tracker.trial(turned_probe, name, sensor_set)
     # Where the turned target's update is wrong, the two differ for another reason.
@@ -168,7 +168,7 @@ def _beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: t
 
 
 def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
-    """Return a trial by sensors whose turned mounting keeps the target off the azimuth pi; None if a step fails."""
+    """Return a trial with sensors whose turned mounting keeps the target off the azimuth pi; None if a step fails."""
     turned = [turned_mounting(scan, MOUNTED_TURN) for scan in tracker.approach(probe, sensor_set)]
     try:
         session = TrackerSession.after(tracker.make, turned)
@@ -180,7 +180,7 @@ def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tup
 
 
 def _is_right(trial: Trial, probe: Probe) -> bool:
-    """Return whether the estimate is at the target, and the predicted azimuth has no innovation."""
+    """Return whether the prediction is at the target, and a measured azimuth equal to the predicted moves nothing."""
     if not trial.usable or np.hypot(*(trial.prediction.mean - probe.truth(0.0))[:2]) > NEAR:
         return False
     update = trial.update(trial.predicted_measurement)
@@ -221,7 +221,7 @@ def _covariance_depends_on_mounting(trial: Trial, mounted: Trial) -> bool:
 
 
 def _change(trial: Trial, side: float) -> Array | None:
-    """Return by how much the updated mean ``(4,)`` changes if the measurement lies beside its prediction, not on it.
+    """Return the updated mean ``(4,)`` for a measurement beside the predicted one, minus that for the predicted one.
 
     None where the tracker makes no update.
     """
@@ -230,14 +230,14 @@ def _change(trial: Trial, side: float) -> Array | None:
 
 
 def _beside(trial: Trial, side: float) -> Array:
-    """Return the predicted measurement moved by ``side`` standard deviations to the left, as the sensor sees it."""
+    """Return the predicted measurement with ``side`` standard deviations added to its azimuth (left is positive)."""
     measurement = trial.predicted_measurement.copy()
     measurement[1] = wrap_angle(measurement[1] + side * trial.sigma[1])
     return measurement
 
 
 def _line(trial: Trial, measurement: Array) -> str:
-    """Name the line that assigns the difference of the azimuths unwrapped, and the value; empty where none does."""
+    """Name the tracker's line that assigns an unwrapped azimuth difference, and its value; empty text if none does."""
     plain, named = measurement[1] - trial.predicted_measurement[1], dict[tuple[str, str], str]()
     with suppress(StepFailed):
         twin = trial.session.copy()

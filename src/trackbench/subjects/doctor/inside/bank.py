@@ -46,7 +46,7 @@ class Models(NamedTuple):
 
 
 class ModelPaths(NamedTuple):
-    """Paths to the means, covariances and probabilities of the models below a tracker, as `families` writes them."""
+    """Paths from a tracker down to the means, covariances and probabilities of its models, keys of `families`."""
 
     mean: str
     covariance: str
@@ -136,7 +136,7 @@ def _form(value: Array) -> str | None:
 
 
 def find_models(values_by_path: dict[str, Array], estimate: Estimate, count: int) -> list[tuple[ModelPaths, bool]]:
-    """Return paths to models whose mixture has an estimate's mean, and whether it has the estimate's covariance too.
+    """Return paths to models whose mixture has an estimate's mean, and whether it has the estimate's covariance.
 
     The first match of both is returned alone. Otherwise all matches of the mean are: their steps decide.
 

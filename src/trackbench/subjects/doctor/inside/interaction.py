@@ -79,8 +79,8 @@ class BankStep:
         bank: models of the tracker.
         scan: scan of the step.
         before: models before the step.
-        started: models after a missed scan an instant later than ``before``.
-        predicted: models after a missed scan at the time of ``scan``.
+        started: models after a scan without a detection an instant later than ``before``.
+        predicted: models after a scan without a detection at the time of ``scan``.
         after: models after ``scan``.
         assigned: values that the tracker's lines assign in the step.
     """
@@ -127,7 +127,7 @@ class BankStep:
         return np.stack([mean for mean, _ in mixtures]), np.stack([covariance for _, covariance in mixtures])
 
     def starts_from(self, mean: Array, covariance: Array | None = None) -> bool:
-        """Return whether the models start from ``mean``, or ``covariance`` if given: it is held or assigned."""
+        """Return whether models start from ``mean``, or ``covariance`` if given: the tracker holds or assigns it."""
         sigma = np.sqrt(np.einsum("jaa->ja", self.before.covariance))
         near = np.abs(self.started.mean - mean).max(where=sigma > 0.0, initial=0.0) < INSTANTLY * sigma.max()
         if covariance is None:
@@ -194,7 +194,7 @@ def find_bank(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:
     """Return the models that a tracker holds, and some steps with measurements; None where it holds none.
 
     Transition probabilities are a constant matrix with rows or columns of sum 1; models are values whose mixture is the
-    estimate. A target is followed with all sensors, or with one where those show no models because a step fails.
+    estimate. A target is followed with all sensors, or with one sensor where a step with all fails.
     """
     banks = (_bank_with(tracker, sensor_set) for sensor_set in reversed(tracker.sensor_sets()))
     return next((bank for bank in banks if bank is not None), None)

@@ -1,7 +1,8 @@
-"""Mean and covariance of a filter where its tracker holds them, and steps of the filter from other ones.
+"""Mean and covariance of a filter where its tracker holds them, and steps of the filter from replaced values.
 
-They are looked for by their values in a tracker that runs in this process. Its state may be of any kind: the derivative
-C of the estimate by the state is taken by differences, and a covariance P fits where C P C^T is the returned one.
+Mean and covariance are looked for by their values in a tracker that runs in this process. The state can have any
+components: the derivative C of the estimate with respect to the state is taken by differences, and a covariance P fits
+where C P C^T is the returned covariance.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class OwnFilter:
         covariance: Array | None = None,
         trace: bool = False,
     ) -> HeldAfter | None:
-        """Step a copy, from a replaced mean or covariance if given; return what it holds then, None if not found."""
+        """Step a copy, from a replaced mean or covariance if given; return mean and covariance after, or None."""
         copy = self.session.copy()
         for path, value in ((self.mean_at, mean), (self.covariance_at, covariance)):
             if value is not None and not put(copy.inside, path, value):
@@ -101,7 +102,7 @@ class OwnFilter:
     def derivative(
         self, scan: Scan, function: Callable[[HeldAfter], Array | None], covariance: Array | None = None
     ) -> Array | None:
-        """Return the derivative ``(k, n)`` of ``function`` after a scan by the mean held before it; None on failure."""
+        """Return the derivative ``(k, n)`` of ``function`` after a scan by the mean held before; None on failure."""
         columns = []
         for i, sigma in enumerate(self.sigma):
             step = STEP * sigma * np.eye(len(self.mean))[i]

@@ -95,7 +95,7 @@ class SingleModel:
 
 
 def single_models(tracker: TrackerUnderTest) -> list[SingleModel]:
-    """Return the models of an interacting multiple model filter; none where one cannot be made the only one."""
+    """Return the models of an interacting multiple model filter; no models if any cannot be made the only one."""
     bank_steps = tracker.once(find_bank)
     if bank_steps is None:
         return []

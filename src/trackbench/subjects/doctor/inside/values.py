@@ -24,11 +24,11 @@ DEPTH, MOST, LARGEST = 6, 20_000, 4096
 SAME = 1e-9
 
 KeyPath = tuple[str | int, ...]
-"""Attributes and keys by name, places of a list by number, from an object down to a value."""
+"""Path from an object down to a value: names of attributes, keys, and indices in lists."""
 
 
 class HeldAt(NamedTuple):
-    """Object, and key or attribute at which it holds a value."""
+    """Place of a value: the object that holds it, and the key or attribute."""
 
     holder: Any
     key: Any
@@ -225,7 +225,7 @@ def _name(key: tuple[Any, ...]) -> str:
 
 
 def nearest_assigned(assigned: Sequence[Assigned], right: Array, earlier: Array) -> tuple[Assigned, float] | None:
-    """Return the assigned value nearest to a right value without being it, and its error; None without a like shape.
+    """Return the assigned value nearest to a right value but not equal, and its error; None if no shape fits.
 
     The error is relative to the largest entry of the right value.
 

@@ -70,8 +70,8 @@ def gate_limits(make: Make, site: Site) -> PartResult:
 def _steps(make: Make, site: Site, objects: Array, distance: float, only_single: bool = False) -> list[float]:
     """Return how far a track of each object goes towards a detection, relative to a Kalman filter's step.
 
-    The detection is at a squared distance, at the time of the last scan. ``only_single`` leaves out objects with
-    several tracks: a detection far from one may be in the wide gate of a younger one.
+    ``distance`` is the squared Mahalanobis distance of the detection from the prediction. ``only_single`` leaves out
+    objects with several tracks: a detection far from one track may be in the wide gate of a younger track.
     """
     steps = (_step(make, site, target, number % 2, distance) for number, target in enumerate(objects.T))
     return [step for step, count in steps if count == 1 or (count > 1 and not only_single)]

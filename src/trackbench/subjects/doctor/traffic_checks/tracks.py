@@ -253,7 +253,7 @@ def _count_on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array
 
 
 def _on(tracks: Tracks, objects: Array) -> Mask:
-    """Return which tracks are on an object ``(K,)``."""
+    """Return for each of K tracks whether it is on any of the objects, ``(K,)``."""
     return np.asarray((distances(tracks, objects) < NEAR).any(axis=1))
 
 

@@ -61,7 +61,10 @@ class WeighedTrack(FollowedTrack):
 
     @cached_property
     def beside(self) -> Array:
-        """Offset ``(m,)`` in every gate, along the first column of the innovation covariance's Cholesky factor."""
+        """Offset ``(m,)`` from the predicted measurement, inside every usual gate.
+
+        Its direction is the first column of the innovation covariance's Cholesky factor.
+        """
         return np.asarray(np.sqrt(self.distance) * linalg.cholesky(self.geometry[1]).lower()[:, 0])
 
     @property
@@ -106,7 +109,7 @@ class WeighedTrack(FollowedTrack):
         return weight / (1 - weight)
 
     def telling_odds(self) -> tuple[float, float | None]:
-        """Return the first clutter tried at which detection and miss have weight, and the odds; else 0 and None."""
+        """Return the first relative clutter tried at which detection and miss have weight, and odds; else 0, None."""
         candidates = ((clutter, self.odds(DETECTION, clutter)) for clutter in CLUTTER)
         return next(((clutter, odds) for clutter, odds in candidates if odds is not None), (0.0, None))
 
