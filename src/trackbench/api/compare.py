@@ -1,4 +1,4 @@
-"""Comparison of trackers or of versions of them, from Python."""
+"""Python function that compares the scores of trackers, or of versions of a tracker."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ReportableComparison(HasFigures, comparison.Comparison):
     """Comparison of trackers' results, which a notebook shows as a page and ``print`` as text."""
 
     def report(self) -> Report:
-        """Return the report that ``trackbench compare`` shows of this comparison."""
+        """Return the page that ``trackbench compare`` shows: differences of trackers, as text, tables and figures."""
         return Report(comparison_document(self))
 
     def to_pandas(self) -> Any:
@@ -77,7 +77,7 @@ def compare(
         others: further results, lists or folders, which are each compared with the first.
         metrics: metrics to compare by; unless given ``position_rmse``, or ``tgospa`` with hidden identities.
         trackers: names of the trackers to compare; all unless given.
-        baseline: tracker of a single result or list that the others are shown against; unless given the baseline of the
+        baseline: tracker of a single result or list that others are compared with; unless given the baseline of the
             scenarios, else the best.
         limits: percentage, by metric, by which trackers of later results may be worse; ``passed`` says if all are kept.
 

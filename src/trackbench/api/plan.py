@@ -34,7 +34,7 @@ class RunPlan:
     cluster: str | None = None
     """Dask cluster that replaces the processes: ``tcp://HOST:PORT``, or ``local:N``."""
     left_out: frozenset[str] = frozenset()
-    """Names of files of subjects, such as the recording, that are not written into the folder of a run."""
+    """Names of optional files, such as ``recording.rrd``, that are not written into the folder of a run."""
     isolation: Isolation = ISOLATED
     """Limits of time and memory for the processes in which plug-in trackers run."""
     engine: EngineName = "auto"
@@ -72,12 +72,12 @@ class Listener:
 
     @property
     def observes(self) -> bool:
-        """Whether ``begin`` may return a function: the run chosen for the recording is then made in this process."""
+        """Whether ``begin`` can return a function; if so, this process makes the run that is kept for plots."""
         return False
 
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
-        """Return a context around a long piece of work, in which its progress is reported.
+        """Return a context around a long task, in which the progress of the task is reported.
 
         Args:
             work: name of the work.
@@ -95,7 +95,8 @@ class Listener:
         """Receive the message that the runs of a scenario begin.
 
         Returns:
-            A function that is called repeatedly with the recorded run while it is made; None for no such calls.
+            A function that is called repeatedly with the recorded run (the run that is kept for plots) while it is
+            made; None for no such calls.
         """
         return None
 
@@ -103,11 +104,11 @@ class Listener:
         """Receive the result of a scenario's runs, and its complete folder; None if nothing is written."""
 
     def compared(self, comparison: Comparison, page: Path) -> None:
-        """Receive the comparison over several scenarios, and the path of its HTML page."""
+        """Receive the comparison of the trackers of several scenarios, and the path of the comparison's HTML page."""
 
 
 class Counter(Listener):
-    """Listener that passes on the progress of work counted in one unit, such as runs, and ignores the rest."""
+    """Listener that passes on progress counted in one unit, such as runs, and ignores all other messages."""
 
     def __init__(self, progress: Progress, unit: str) -> None:
         self._progress, self._unit = progress, unit

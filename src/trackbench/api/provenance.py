@@ -98,7 +98,7 @@ def code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
 
 
 def _references(entry: Any) -> Iterator[str]:
-    """Return those texts of a tracker's entry that name a module outside trackbench, such as ``mine:Tracker``."""
+    """Yield the texts in a tracker's settings that name a module outside trackbench, such as ``mine:Tracker``."""
     return (text for text in texts_of(entry) if _REFERENCE.fullmatch(text) and not text.startswith("trackbench."))
 
 
@@ -109,7 +109,7 @@ def _sha256(sources: Mapping[str, bytes]) -> str | None:
 
 
 def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
-    """Return the file of the module that a reference names, with its content; the module is not imported."""
+    """Return path and content of the module's file that ``module:Class`` names, unimported; None if there is none."""
     places, spec = None, None
     with searched(folder):
         for part in reference.partition(":")[0].split("."):

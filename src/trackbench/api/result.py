@@ -25,7 +25,7 @@ class HasFigures:
         return tuple(figure.name for figure in self.report().document.figures)
 
     def figure(self, name: str) -> ReportFigure:
-        """Return a figure of the report.
+        """Return the figure with this name, one of ``figures``.
 
         Raises:
             InputError: there is no figure of this name.

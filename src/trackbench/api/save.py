@@ -14,7 +14,7 @@ from trackbench.results import Result
 def with_artifacts(result: Result, left_out: Collection[str] = ()) -> tuple[Result, dict[str, Callable[[Path], None]]]:
     """Return the result, listing all files of its folder, and by file name a function that writes the file.
 
-    Files of subjects, such as the recording, are omitted if ``left_out`` names them.
+    ``left_out`` names optional files, such as ``recording.rrd``, that are omitted.
     """
     from trackbench.document.html import to_html
     from trackbench.document.markdown import to_markdown

@@ -83,7 +83,7 @@ def load_several(
     trackers: Iterable[str] | None = None,
     worlds: Sequence[str] = (),
 ) -> tuple[list[Scenario], list[str]]:
-    """Load each scenario in each of its worlds.
+    """Load each scenario in each of its worlds (kinds of drivers and sensors, such as typical).
 
     Returns:
         The scenarios, each in the named worlds or, without names, in its own; and warnings: a sentence on each of
@@ -105,7 +105,9 @@ def load_several(
 
 
 def worlds(scenario: Scenario | Named, names: Iterable[str] = ()) -> list[Scenario]:
-    """Return a scenario in each of its worlds, for :func:`run`; worlds that do not fit it are left out.
+    """Return a scenario in each of its worlds (kinds of drivers and sensors), for :func:`run`.
+
+    Worlds that do not fit the scenario are left out.
 
     Args:
         scenario: a scenario, or an argument of :func:`load`.

@@ -36,7 +36,7 @@ class InputError(TrackbenchError):
         self.line = line
 
     def located(self, *, file: Path | str | None, line: int | None) -> InputError:
-        """Return this error with the given file and line, where it has none yet."""
+        """Return this error, with the given file and line where the error states no file or line itself."""
         return type(self)(self.message, key=self.key, file=self.file or file, line=self.line or line)
 
     def __str__(self) -> str:
@@ -57,7 +57,7 @@ class InputErrors(InputError):
         self.errors = tuple(errors)
 
     def located(self, *, file: Path | str | None, line: int | None) -> InputErrors:
-        """Return these errors, each with a file and a line where it has none yet."""
+        """Return these errors, with the given file and line where an error states no file or line itself."""
         return InputErrors([error.located(file=file, line=line) for error in self.errors])
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class InputErrors(InputError):
 
 
 def similar_names(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
-    """Return up to three choices with all words of ``name``, else a choice spelt alike to at least ``cutoff``."""
+    """Return up to three choices with all words of ``name``, else one spelt like it by at least ``cutoff``, 0 to 1."""
     names = sorted(set(choices))
     spelling = re.sub("[- ]", "_", name.lower())
     if spelling in names:

@@ -69,7 +69,7 @@ def _temporary_folder() -> Path:
 
 
 def cache_folder() -> Path:
-    """Return the user's cache: TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache, else temporary."""
+    """Return the cache folder: TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME, ~/.cache or a temporary folder."""
     stated = os.environ.get("TRACKBENCH_CACHE")
     if stated:
         return Path(stated)

@@ -1,4 +1,4 @@
-"""Numbers in texts of people and programs."""
+"""Conversion to numbers of texts that people and programs write."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ T = TypeVar("T")
 
 
 class Registry(Generic[T]):
-    """Registry of the plug-ins of one kind, which imports and checks plug-ins but never calls them.
+    """Registry of the plug-ins of one kind, such as sensors, which imports and checks plug-ins but never calls them.
 
     ``registry[reference]`` is ``get(reference)``, but looks each plug-in up only once.
 

@@ -31,7 +31,10 @@ def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Genera
 
 
 def streams(seed: int, scenario: str, runs: range, purpose: str) -> list[np.random.Generator]:
-    """Return ``stream`` of each run, five times faster; all run numbers need equally many 32-bit words."""
+    """Return the generators of ``stream`` for all runs, five times faster.
+
+    The numbers of all runs need equally many 32-bit words.
+    """
     if len(runs) <= FEW:
         return [stream(seed, scenario, run, purpose) for run in runs]
     numbers = np.array([*map(_split_32_bits, runs)]).T
@@ -94,7 +97,7 @@ class RunStreams:
 
     def __init__(self, each: Sequence[np.random.Generator]) -> None:
         self.each = each
-        """Random generator of each run."""
+        """List of one random generator for each run."""
 
     def standard_normal(self, shape: int | tuple[int, ...] = ()) -> Array:
         """Draw numbers ``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""

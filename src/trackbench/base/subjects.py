@@ -1,4 +1,4 @@
-"""Registry of the subjects, with what each subject adds to the command line and the API.
+"""Registry of the subjects (optional parts of the bench), with what each adds to the command line and the API.
 
 Every package of ``trackbench.subjects`` lists its additions in a ``SUBJECT``, as strings, imported when they are used.
 """
@@ -16,12 +16,12 @@ PACKAGE = "trackbench.subjects"
 
 
 class Offer(NamedTuple):
-    """Addition of a subject, such as a command, a file of a run or a list, with its help text."""
+    """Addition of a subject (optional part of the bench): a command, a file of a run or a list, with its help text."""
 
     target: str
     """Import path ``module:attribute`` of the added object."""
     summary: str
-    """Sentence about the addition, for the help."""
+    """Sentence for the help texts on what the added object does."""
 
 
 class TermPage(NamedTuple):
@@ -44,7 +44,7 @@ class FieldBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class Subject:
-    """Purpose of a user beside a run, such as tuning, with its commands, API calls and pages.
+    """Optional part of the bench beside the run of trackers, such as tuning: its commands, API calls and pages.
 
     Each value is an import target ``module:attribute``, alone or in an :class:`Offer`.
     """
@@ -71,14 +71,14 @@ class Subject:
     :class:`FieldBlock`."""
     examiners: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a scenario and a tracker's name, and return a sentence about a fault of the tracker, or None.
-    The keys of this mapping and of all mappings below only tell the entries apart."""
+    The keys of this mapping have no meaning."""
     metrics: Mapping[str, str] = field(default_factory=dict)
-    """Keys of blocks, each with a function that takes the block and whether identities are hidden, and returns the
-    metrics of a run."""
+    """Functions that return the metrics of a run, by the scenario's top-level key that they belong to. Arguments are
+    the value of the key, and whether identities are hidden."""
     examples_of_metrics: Mapping[str, str] = field(default_factory=dict)
     """Headings of lists of metrics, each with a function that returns one metric of each kind."""
     checks: Mapping[str, str] = field(default_factory=dict)
-    """Functions that take a scenario and yield the problems of the subject's blocks."""
+    """Functions that take a scenario and yield the problems of the subject's top-level keys."""
     records: Mapping[str, str] = field(default_factory=dict)
     """Functions that take the :class:`trackbench.runner.work.Work` of a run, its evaluated trackers and the tables of
     its recorded run, and yield the name of each table with its records."""
@@ -96,27 +96,27 @@ class Subject:
 
 @cache
 def subjects() -> tuple[Subject, ...]:
-    """Return all subjects in the order of their names."""
+    """Return all subjects (optional parts of the bench, such as tuning), sorted by name."""
     package = import_module(PACKAGE)
     names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
     return tuple(import_module(f"{PACKAGE}.{name}").SUBJECT for name in names)
 
 
 def offered(kind: str) -> Iterator[tuple[str, Any]]:
-    """Yield the name and the value of each entry of the field ``kind``, over all subjects.
+    """Yield key and value of each item in the mapping ``kind`` of each subject (optional part of the bench).
 
     Args:
-        kind: a field of :class:`Subject`.
+        kind: name of a field of :class:`Subject`, such as ``commands``.
     """
     for subject in subjects():
         yield from getattr(subject, kind).items()
 
 
 def collected(kind: str, *arguments: Any) -> Iterator[Any]:
-    """Yield all that the functions in the field ``kind`` yield, one subject after the other.
+    """Yield all that the functions in the mapping ``kind`` of each subject (optional part of the bench) yield.
 
     Args:
-        kind: a field of :class:`Subject` whose functions yield something.
+        kind: name of a field of :class:`Subject` whose functions yield something, such as ``sections``.
         arguments: arguments of each function.
     """
     for _, target in offered(kind):
@@ -124,7 +124,7 @@ def collected(kind: str, *arguments: Any) -> Iterator[Any]:
 
 
 def kind_of_file(file: str) -> str:
-    """Return in words what a subject's file contains, such as "an examination" for ``examination.json``."""
+    """Return in words what a result file contains, from its name: "an examination" for ``examination.json``."""
     stem = file.rpartition(".")[0]
     return f"{'an' if stem[0] in 'aeiou' else 'a'} {stem}"
 

@@ -34,7 +34,7 @@ def no_progress(done: float, total: float, note: str = "") -> None:
 
 
 def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
-    """Return the given runs of an array whose last axis is the runs, or has length 1 where all runs are alike."""
+    """Select runs on an array's last axis, the runs; an axis of length 1, for runs that are alike, stays as it is."""
     return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
 
@@ -52,7 +52,7 @@ COMMON_STATE = ("px", "py", "vx", "vy")
 
 
 def indices(where: npt.NDArray[Any]) -> Indices:
-    """Return the indices ``(K,)`` at which a mask ``(batch,)`` is True, fast for a few members."""
+    """Return the indices ``(K,)`` at which a mask ``(batch,)`` is True, fast for short masks."""
     return where.nonzero()[0]
 
 
@@ -271,7 +271,7 @@ class Observer:
 
 
 class RecordedNoise(NamedTuple):
-    """Standard deviation of the unknown error of recorded motion, on each axis."""
+    """Standard deviations, along each axis, of the unknown errors of recorded positions and velocities."""
 
     position_m: float
     velocity_mps: float
@@ -308,19 +308,19 @@ class Truth:
     """Times ``(steps,)`` of the grid, s, from 0."""
     ids: tuple[str, ...]
     px: Array
-    """Position along x in the fixed frame, m."""
+    """Position ``(steps, objects, runs or 1)`` of each object along x in the fixed frame, m."""
     py: Array
-    """Position along y in the fixed frame, m."""
+    """Position ``(steps, objects, runs or 1)`` of each object along y in the fixed frame, m."""
     heading: Array
-    """Direction in which the body points, rad, counter-clockwise from the fixed x axis."""
+    """Direction ``(steps, objects, runs or 1)`` in which each body points, rad, counter-clockwise from fixed x."""
     course: Array
-    """Direction of motion (heading plus slip angle), rad, counter-clockwise from the fixed x axis."""
+    """Direction of motion ``(steps, objects, runs or 1)``, heading plus slip, rad, counter-clockwise from fixed x."""
     speed: Array
-    """Speed along the course, m/s."""
+    """Speed ``(steps, objects, runs or 1)`` of each object along its direction of motion, m/s."""
     acceleration: Array
-    """Rate of change of speed, m/s^2."""
+    """Rate of change ``(steps, objects, runs or 1)`` of each object's speed, m/s^2."""
     yaw_rate: Array
-    """Rate of change of the heading, rad/s."""
+    """Rate of change ``(steps, objects, runs or 1)`` of each object's heading, rad/s."""
     alive: Mask
     """Mask ``(steps, objects)``, True while the object is in the scene."""
     length: Array

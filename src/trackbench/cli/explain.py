@@ -25,7 +25,7 @@ A reference: every word of a table, a report or an examination. `trackbench expl
 
 
 def terms() -> dict[str, list[TermPage]]:
-    """Return the pages of all terms, by subject, such as metrics or verdicts."""
+    """Return the pages of all terms, by group of terms, such as metrics or verdicts."""
     vocabulary = yaml.safe_load(Path(__file__).with_name("vocabulary.yaml").read_text(encoding="utf-8"))
     pages = {subject: _pages(subject.removesuffix("s"), words.items()) for subject, words in vocabulary.items()}
     pages |= {subject: _pages(heading, rows(subject)) for subject, heading in LISTED.items()}

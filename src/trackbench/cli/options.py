@@ -43,10 +43,10 @@ def write_suites(suites: Sequence[Suite], junit: Path | None) -> None:
 
 
 def end_with_limits(outcomes: Sequence[GateOutcome], status: int = 0) -> NoReturn:
-    """Exit with status 0 if every limit is shown to be kept, else with 1; print the reason for 1 on stderr.
+    """Exit with status 0 if tests prove every limit on a difference kept, else with 1; print the reason on stderr.
 
     Args:
-        outcomes: outcome of each limit.
+        outcomes: outcome of the statistical test of each limit, such as "passed".
         status: exit status for another failure, such as a failed tracker, which has precedence; 0 for none.
 
     Raises:
@@ -137,7 +137,7 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def artifact_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--no-NAME`` for each subject's file in the folder of a run; the command gets the names as ``left_out``."""
+    """Add ``--no-NAME`` for each optional file of a run's folder; the command gets chosen files as ``left_out``."""
     offers = dict(offered("artifacts"))
 
     @functools.wraps(command)
@@ -170,7 +170,7 @@ OptionValues = Mapping[str, Any]
 
 
 class RunOptions(NamedTuple):
-    """Options that a subject adds to ``trackbench run``, and their effect on a run."""
+    """Options that a subject (optional part of the bench) adds to ``trackbench run``, and their effect on a run."""
 
     add: Callable[[Callable[..., Any]], Callable[..., Any]]
     """Decorator that adds the Click options to a command."""
@@ -180,7 +180,7 @@ class RunOptions(NamedTuple):
 
 
 def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of all subjects to a command."""
+    """Add the options of all subjects (optional parts of the bench), such as ``--live``, to a command."""
     for options in _registered():
         command = options.add(command)
     return command
@@ -188,7 +188,7 @@ def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def followers(scenarios: Sequence[Scenario], values: OptionValues) -> Iterator[list[Listener]]:
-    """Yield the listeners to the run that the command's options of subjects, such as ``--live``, ask for.
+    """Yield a list of the listeners to the run that options of subjects, such as ``--live``, ask for.
 
     Raises:
         InputError: options contradict each other, or do not fit the scenarios.

@@ -1,4 +1,4 @@
-"""The command ``trackbench run``."""
+"""Command ``trackbench run``: options, call of the runs, exit status."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def run_command(
 
 
 def status(finished: Sequence[Result]) -> int:
-    """Return the exit status of finished runs: a failed tracker, else a failed expectation, else 0."""
+    """Return the exit status: that of a failed tracker if there is one, else of a failed expectation, else 0."""
     if any(tracker.failed for result in finished for tracker in result.summary.trackers):
         return FAILED_PLUGIN
     return 0 if all(result.summary.passed for result in finished) else FAILED_EXPECTATION

@@ -32,7 +32,7 @@ class RunOutput(Listener):
         self._wide = wide
         self._console = Console(file=answer())
         self.followers: list[Listener] = []
-        """Subjects' listeners, which get the same messages."""
+        """Listeners of optional parts of the bench, such as ``--live``, to which messages are passed on."""
 
     @property
     def observes(self) -> bool:
@@ -71,7 +71,11 @@ class RunOutput(Listener):
         self._console.print(Text(f"{files}\n", "dim"), soft_wrap=True)
 
     def compared(self, comparison: Comparison, page: Path) -> None:
-        """Print who leads, in which worlds an order holds, the path of the page, and which scenarios are left out."""
+        """Print which tracker leads, the page's path, and which scenarios are left out.
+
+        Where scenarios were run in several worlds (kinds of drivers and sensors), print also in which worlds the order
+        of the trackers holds.
+        """
         from trackbench.document.terminal import print_table
         from trackbench.report.comparison.document import scenarios_without_truth
         from trackbench.report.comparison.figures import competitors

@@ -23,7 +23,7 @@ class TrackFault(Exception):
 
     Args:
         cause: what went wrong, in one line.
-        kind: kind of the fault.
+        kind: invalid answer, failed arithmetic, other exception raised, or process died.
         place: file, line and function of the tracker's code, if known.
         member: index of the affected member of the batch, if known.
     """
@@ -40,7 +40,7 @@ class TrackFault(Exception):
 
 
 def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
-    """Return the fault that an error in a tracker is; ``member`` is the index of the affected member, if known."""
+    """Convert an error raised in a tracker to a fault; ``member`` is the affected member's batch index, if known."""
     if isinstance(error, TrackFault):
         return error
     kind: Kind = "raised"

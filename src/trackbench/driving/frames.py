@@ -190,7 +190,7 @@ def message_answer(message: Mapping[str, Any], several: bool) -> Estimate | tupl
         several: whether the tracker follows several objects.
 
     Raises:
-        TrackerFault: the answer is for the other kind of tracker, or an array does not follow the protocol.
+        TrackerFault: the answer is of another sort than ``several`` says, or an array does not follow the protocol.
     """
     kind = message["type"]
     if kind == "none":

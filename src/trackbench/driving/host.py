@@ -35,7 +35,7 @@ class Host:
     Args:
         reference: ``module:Class`` or a published name.
         folder: first folder in which the tracker's module is looked for.
-        send: function that writes a frame to the bench.
+        send: function that writes a frame (packed message) to the bench.
     """
 
     def __init__(self, reference: str, folder: Path | None, send: Callable[[bytes], None]) -> None:
@@ -46,7 +46,7 @@ class Host:
         self._trackers: dict[int, tuple[Any, Any]] = {}
 
     def answer(self, message: Mapping[str, Any]) -> bytes | None:
-        """Handle a message of the bench; return the frame of the answer, or None if the message needs no answer."""
+        """Handle a message of the bench; return the answer as a frame (packed message), or None if none is needed."""
         match message["type"]:
             case "scan":
                 return self._step(message)

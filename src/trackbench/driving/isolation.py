@@ -18,7 +18,7 @@ GIGABYTE = 10**9
 
 
 def plugged_in(config: FilterConfig | PluginConfig) -> bool:
-    """Return whether a tracker is a user's or a package's, and not built in."""
+    """Return whether a tracker is not built in, but a user's or from another package."""
     return isinstance(config, PluginConfig) and not built_in(config.reference)
 
 

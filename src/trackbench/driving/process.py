@@ -115,7 +115,7 @@ def printing_to(file: BinaryIO) -> Iterator[None]:
 
 
 class TrackerProcess:
-    """Process of trackers, which answers the frames sent to it.
+    """Process that runs one or several trackers; it answers the frames (packed messages) sent to it.
 
     Args:
         isolation: limits of time and memory.
@@ -159,7 +159,7 @@ class TrackerProcess:
             self.failed("its process was closed", "died")
 
     def send(self, *frames: bytes) -> None:
-        """Send frames to the process; each answer is then received by ``receive``.
+        """Send frames (packed messages) to the process; a call of ``receive`` then returns each answer.
 
         Raises:
             TrackFault: the process has ended, or does not read.

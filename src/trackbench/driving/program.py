@@ -29,7 +29,7 @@ class Program(TrackerProcess):
     """Process of a program that serves several trackers, told apart by protocol numbers.
 
     Args:
-        config: the scenario's entry, which names the program or the Python class.
+        config: the tracker's settings in the scenario, which name the program or the Python class.
         folder: working directory of a program and start of its path; for a class, first folder to look for its module.
         isolation: limits of time and memory.
         several: whether the trackers follow several objects.

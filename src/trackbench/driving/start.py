@@ -36,7 +36,7 @@ def fresh(
     """Return a function that makes fresh trackers that are not built in, all in one process.
 
     Args:
-        config: the scenario's entry.
+        config: the tracker's settings in the scenario.
         folder: first folder in which the tracker's module is looked for.
         isolation: whether the trackers get a process of their own.
         several: whether a tracker follows several objects.
@@ -76,7 +76,7 @@ def start_stepper(
     """Return a fresh tracker for a batch: a built-in tracker, or else a :class:`ForeignTracker`.
 
     Args:
-        config: the scenario's entry.
+        config: the tracker's settings in the scenario.
         folder: first folder in which a tracker's module is looked for.
         batch: number of tracks, or runs, followed at once.
         prepare: function that sets a built-in tracker's engine, and its first states if it starts from the truth.
@@ -120,7 +120,7 @@ def check_startable(
     """Check that a tracker exists and takes its options, in the process where it will run.
 
     Args:
-        config: the scenario's entry.
+        config: the tracker's settings in the scenario.
         folder: first folder in which the tracker's module is looked for.
         isolation: whether the tracker gets a process of its own.
         started: whether to start the tracker for one member as well.

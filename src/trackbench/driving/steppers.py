@@ -155,7 +155,7 @@ class ForeignTracker:
 def plain_estimate(answers: Sequence[Any], batch: tuple[int, ...]) -> Estimate | None:
     """Return answers joined to one estimate if all are valid, and only a mean and a covariance each; else None.
 
-    Checking all of them at once is faster than one by one.
+    Checking all answers at once is faster than one by one.
 
     Args:
         answers: answers of single members, or one answer of a batch.

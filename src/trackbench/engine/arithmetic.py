@@ -128,7 +128,7 @@ def polynomial(x: Any, coefficients: Sequence[float]) -> Any:
 
 
 def _leave_to_numpy(condition: Term) -> None:
-    """Add the guard that ``condition`` is False, as NumPy computes members where it is True."""
+    """Add a guard (run-time check) that ``condition`` is False; NumPy computes the members for which it is True."""
     condition.graph.guards.append(_apply(condition.graph, "not", condition).node)
 
 
@@ -245,7 +245,10 @@ FUNCTIONS: dict[str, Callable[..., Term]] = {
 
 
 def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
-    """Replace transcendental functions in ``roots`` and in the graph's guards by arithmetic; guards may be added."""
+    """Replace transcendental functions in ``roots`` and in the graph's guards (run-time checks) by arithmetic.
+
+    Further guards can be added to the graph.
+    """
     lowered_nodes: dict[int, Node] = {}
     guards, graph.guards = graph.guards, []
     for node in ordered([*roots, *guards]):

@@ -117,7 +117,7 @@ def scan_of(values: Values, scan: Scan) -> Scan:
 
 
 def scan_placeholder(kind: str, sensor: str | None) -> Scan:
-    """Return a scan with only its kind, and its sensor if stated, so that equations can depend on nothing else."""
+    """Return a scan with only a type of sensor, and the sensor's name if given, so that equations use nothing else."""
     known = {"kind": kind, "sensor": sensor}
     fields: list[Any] = [known.get(name) for name in Scan._fields]
     return Scan(*fields)

@@ -59,7 +59,8 @@ class Equations(NamedTuple):
     key: Hashable = None
     """Key that distinguishes equations with the same name; None if the name is unique."""
     modes: Mapping[str, str] = {}
-    """How a sequence of calls adds up an output, ``ADDED`` or ``SUMMED`` of ``layout``, by the output's name."""
+    """Rule, by output name, for repeated calls: ``added`` adds each member's numbers to those of earlier calls, and
+    ``summed`` also sums over members. An output without a rule is overwritten."""
     user_types: tuple[type, ...] = ()
     """Motion models and sensors, defined outside trackbench, that ``function`` calls."""
 

@@ -102,7 +102,7 @@ class FusedFilter:
         return self._update_of(self.computed("update", _updated, values, scan))
 
     def step(self, belief: AnyBelief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Any]:
-        """Predict by ``dt`` seconds and update with a scan; mark the members whose prediction the guard refuses."""
+        """Predict by ``dt`` seconds and update with a scan; mark members whose prediction the test ``guard`` fails."""
         values = belief_values(belief, without=REUSED) | self.time(dt) | scan_values(scan)
         result = self.computed("step", partial(_step, guard=guard), values, scan, guard)
         cartesian = Gaussian(result["cartesian"], result["cartesian covariance"])

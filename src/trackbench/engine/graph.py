@@ -83,7 +83,7 @@ class Graph:
         self.guards: list[Node] = []
         """Conditions on a member of the batch under which the graph gives the right outputs for it."""
         self.dropped: dict[int, Node] = {}
-        """Nodes left out, as in a product with zero, by number; the graph is right only if they are finite."""
+        """Nodes left out, such as a factor times zero, by node number; outputs are right only if these are finite."""
         self.refused: str | None = None
         """Reason why the function cannot be traced, kept even if the function catches the error; None if it can be."""
         self._applied: dict[tuple[object, ...], Node] = {}

@@ -206,7 +206,7 @@ class Kernels:
 
 
 def _why_not_traced(equations: Equations, differs: bool) -> str | None:
-    """Return why the users' classes in the equations may not be compiled; None if they may."""
+    """Return why the users' classes in the equations are not allowed to be compiled; None if they are."""
     without_pure = [kind.__name__ for kind in equations.user_types if not says_pure(kind)]
     if without_pure:
         return f"{' and '.join(without_pure)} {'does' if len(without_pure) == 1 else 'do'} not say pure = True"

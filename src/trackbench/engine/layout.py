@@ -58,7 +58,8 @@ class Output(NamedTuple):
     shape: tuple[int, ...]
     boolean: bool
     mode: str = ""
-    """How a sequence of calls adds up the output: ``ADDED`` or ``SUMMED``; empty if it does not."""
+    """Rule for repeated calls: ``added`` adds each member's numbers to those of earlier calls, and ``summed`` also sums
+    over members; empty if each call overwrites the output."""
 
     @property
     def size(self) -> int:
@@ -76,7 +77,7 @@ class KernelLayout(NamedTuple):
 
     @property
     def first_rows(self) -> list[int]:
-        """First row of each output, among the rows of numbers or among the rows of masks."""
+        """Index of each output's first row, among the rows of numbers, or for a mask among the rows of masks."""
         result: list[int] = []
         # The first row of masks is the guard.
         filled = [0, 1]

@@ -52,7 +52,7 @@ def with_numbers(model: M, at: str, values: Values) -> M:
 
 
 def form(value: Any) -> Hashable:
-    """Return a key of all in ``value`` on which a kernel depends, without the numeric options, which are inputs."""
+    """Return a hashable key of all that a kernel depends on in a filter or model, except the numeric options."""
     if isinstance(value, InteractingMultipleModel):
         # The Markov chain of the modes is an input.
         return tuple(map(form, value.filters))

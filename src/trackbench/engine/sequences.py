@@ -79,7 +79,7 @@ class CallSequence:
     def compute(
         self, equations: Equations, at: Indices, inputs: Mapping[str, ArrayPlace], outputs: Mapping[str, ArrayPlace]
     ) -> bool:
-        """Add calls of the kernel of equations to the sequence; return False if there is no kernel."""
+        """Add calls of the equations' kernel at the positions ``at`` of the sequence; return False without a kernel."""
         kernel = self._kernels.kernel(equations, [inputs[name].form._replace(name=name) for name in equations.ranks])
         if kernel is not None:
             self.call(kernel, at, inputs, outputs)
@@ -103,7 +103,7 @@ class CallSequence:
         self._calls.append((at, kernel.code.part, [*read, *written, None]))
 
     def run(self) -> bool:
-        """Make all calls; return whether the guards held for all members. If not, the outputs mean nothing."""
+        """Make all calls; return whether the guards (run-time checks) held for all members. If not, discard outputs."""
         words = 1 + 2 * max(len(places) for _, _, places in self._calls)
         scratch = np.empty((self._rows, 1, 1, self._size))
         nowhere = place(scratch, 1, np.arange(1))

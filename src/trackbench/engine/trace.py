@@ -86,7 +86,7 @@ def _masks_needed_by(
 
 
 class Trace(NamedTuple):
-    """Result of a trace: the outputs of equations for one member of a batch as nodes of a graph, with a guard."""
+    """Outputs of traced equations for one member of a batch as nodes of a graph, with a guard (run-time check)."""
 
     layout: KernelLayout
     outputs: list[Node]

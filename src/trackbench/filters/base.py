@@ -80,7 +80,8 @@ class Step(NamedTuple, Generic[B]):
     cartesian: Gaussian
     """Mean and covariance of px, py, vx, vy after the update."""
     refused: Mask | None = None
-    """Mask ``(...)``, True where the guard refused the prediction and the step must not be used; None for nowhere."""
+    """Mask ``(...)``, True where a check (the guard) refused the prediction, so that the step must not be used; None
+    for nowhere."""
 
 
 #: Function from a predicted belief to a mask that is True where the step is refused.
@@ -334,14 +335,14 @@ def compact(belief: AnyBelief) -> AnyBelief:
 
 
 def select(belief: AnyBelief, which: Mask | Indices) -> AnyBelief:
-    """Return the belief of the members that ``which`` selects from the last batch axis."""
+    """Return the belief of the members that ``which``, a mask or indices, selects from the last batch axis."""
     index = indices(which) if which.dtype == bool else which
     # An index in brackets is slower, and leaves an array whose batch axis no longer comes last in memory.
     return _map_arrays(methodcaller("take", index, -1), belief)
 
 
 def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> PredictedMeasurement:
-    """Return the predicted measurement of the members that ``which`` selects from the last batch axis."""
+    """Return the predicted measurement of the members with the indices ``which`` on the last batch axis."""
     modes = tuple(selected_prediction(mode, which) for mode in predicted.modes)
     mean, covariance, cross = (part.take(which, axis=-1) for part in predicted[:3])
     return PredictedMeasurement(mean, covariance, cross, modes)

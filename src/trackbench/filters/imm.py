@@ -62,9 +62,10 @@ def in_state_of(motion: MotionModel, current: Gaussian, source_motion: MotionMod
     Components that both states have are copied. Where one state has vx, vy and the other a speed and a yaw, position
     and velocity are converted through px, py, vx, vy, to first order. A component that the other model lacks gets the
     mean and the variance of ``current``, the belief of the filter of ``motion``: mixing then leaves that component
-    unchanged, where a zero would bias it. The yaw gets them too where the velocity does not determine it. Source: Yuan
-    et al. (2012), "A multiple IMM estimation approach with unbiased mixing for thrusting projectiles"; Granström,
-    Willett and Bar-Shalom (2015), "Systematic approach to IMM mixing for unequal dimension states".
+    unchanged, where a zero would bias it. The yaw, too, gets mean and variance of ``current`` where the velocity does
+    not determine the yaw. Source: Yuan et al. (2012), "A multiple IMM estimation approach with unbiased mixing for
+    thrusting projectiles"; Granström, Willett and Bar-Shalom (2015), "Systematic approach to IMM mixing for unequal
+    dimension states".
     """
     names, seen = motion.components, source_motion.components
     if {*names} & {*VELOCITY, *YAW} != {*seen} & {*VELOCITY, *YAW}:
@@ -213,7 +214,7 @@ def transition_probabilities(stay_s: tuple[float, ...], dt: float) -> Array:
 
 @dataclass(frozen=True)
 class InteractingMultipleModel(Filter[MultiModelBelief]):
-    """IMM estimator over filters of one kind with different motion models, whose states may differ in size.
+    """IMM estimator that runs filters of one type with different motion models, whose states can differ in size.
 
     Source: Blom and Bar-Shalom (1988); Bar-Shalom, Li and Kirubarajan (2001), section 11.6.6.
     """
@@ -324,14 +325,14 @@ class InteractingMultipleModel(Filter[MultiModelBelief]):
         return moment_matched(belief.probability, parts, ())
 
     def chain(self, dt: float) -> Array:
-        """Return the transition probabilities ``(M, M)`` over ``dt``; ``(M, M, batch)`` if members differ."""
+        """Return the modes' transition probabilities ``(M, M)`` over ``dt`` s; ``(M, M, batch)`` if members differ."""
         distinct, place = self._distinct_stays
         chains = [transition_probabilities(tuple(stay), dt) for stay in distinct]
         return chains[0] if place.ndim == 0 else np.stack(chains, axis=-1)[..., place]
 
     @cached_property
     def _distinct_stays(self) -> tuple[list[list[float]], Indices]:
-        """Distinct mean times in the batch, and the index of each member's mean times among them."""
+        """Distinct sets of the modes' mean times in the batch, and the index of each member's set among them."""
         stay = linalg.vector(self.stay_s)
         distinct, place = np.unique(stay.reshape(len(stay), -1), axis=1, return_inverse=True)
         return distinct.T.tolist(), place.reshape(stay.shape[1:])

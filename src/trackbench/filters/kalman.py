@@ -185,7 +185,7 @@ class SigmaPointFilter(SingleModelFilter):
     """Unscented Kalman filter, or cubature Kalman filter with the rule ``CUBATURE``.
 
     If ``augmented``, the driving noise is part of the state whose points go through the transition, and the update uses
-    the predicted points. Otherwise the process noise is added to the predicted covariance and new points are drawn.
+    the predicted points. Otherwise the process noise is added to the predicted covariance, which gives new points.
     Source: Wan and van der Merwe (2000), algorithm 2.1; Särkkä (2013), algorithms 5.14 and 5.15.
     """
 

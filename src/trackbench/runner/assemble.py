@@ -1,4 +1,4 @@
-"""The result of a run, assembled from its blocks."""
+"""Assembly of a scenario's result from its blocks, the groups of Monte-Carlo runs that are made together."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ log = logging.getLogger(__name__)
 
 
 def log_left_to_numpy(where: str, name: str, used: EngineUsed) -> None:
-    """Log that the fused engine left a tracker, or a part of it, to NumPy, and why."""
+    """Log that the fused engine left a tracker, or a part of it, to NumPy, and why; ``where``: scenario or task."""
     if used.why_numpy:
         how = "computed by NumPy" if used.engine == "numpy" else "computed by NumPy in part"
         # The author of a pure model expects machine code.
@@ -182,7 +182,7 @@ def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummar
 
 
 def _fingerprints(work: Work, digest: bytes) -> list[str]:
-    """Return the fingerprint of a run's measurements, from their ``digest``; one per stretch for a log that is cut."""
+    """Return the fingerprint of a run's measurements, from their ``digest``; one per stretch of a log cut in time."""
     if not work.stretches:
         return [fingerprint_of(digest)]
     parts = (hashlib.sha256(digest + b"%d of %d" % (n, work.stretches)) for n in range(work.stretches))
@@ -298,7 +298,7 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
 
 
 def _tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> dict[str, pa.Table]:
-    """Return every table of a run, by name."""
+    """Return all tables of a result, such as ``steps`` and ``runs``, by name."""
     truth = work.scenes[work.recorded_scene].truth
     block = next(block for block in blocks if block.recorded_scans is not None)
     assert block.recorded_scans is not None

@@ -55,11 +55,14 @@ class KnownIdentities:
         return start_stepper(entry, work.folder, self.members, prepare, work.isolation, sensors=work.sensors)
 
     def scoring(self, name: str, observe: OnRecordedRun | None) -> EstimateScoring:
-        """Return the object that scores a tracker's estimates and passes the recorded run to ``observe``."""
+        """Return the scorer of a tracker's estimates; it passes the recorded run (kept for plots) to ``observe``."""
         return EstimateScoring(self._work, self._piece, name, self._targets, observe)
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Pass the scans of the recorded run to ``observe``, and return them; None if that run is in another block."""
+        """Pass the scans of the recorded run (the run that is kept for plots) to ``observe``, and return the scans.
+
+        The result is None if that run is in another block.
+        """
         run = self._work.recorded_in(self._piece)
         if run is None:
             return None
@@ -97,7 +100,10 @@ class HiddenIdentities:
         return TrackScoring(self._work, self.pieces, name, self.measurements)
 
     def recorded_scans(self, observe: OnRecordedRun | None) -> RecordedScans | None:
-        """Return the recorded run's scans and origins, without calling ``observe``; None if it is in another block."""
+        """Return scans and origins of the recorded run (kept for plots), without calling ``observe``.
+
+        The result is None if that run is in another block.
+        """
         (piece,), measurements = self.pieces, self.measurements
         run = self._work.recorded_in(piece)
         if run is None:

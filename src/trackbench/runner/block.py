@@ -24,11 +24,11 @@ from trackbench.trackers.config import FilterConfig
 
 @dataclass
 class Block:
-    """Results of one block of runs, such as each tracker's outcome, numbers of detections, and the recorded scans."""
+    """Results of one block of runs: each tracker's sums of scores, numbers of detections, and the recorded scans."""
 
     piece: BlockRuns
     outcomes: dict[str, Outcome | Failure]
-    """Outcome or failure of each tracker in the block, by name of the tracker."""
+    """Outcome (sums of scores) or failure of each tracker in the block, by name of the tracker."""
     detections: dict[str, int]
     """Number of detections that objects caused, by sensor."""
     digests: list[bytes]
@@ -36,7 +36,7 @@ class Block:
     engines: dict[str, EngineUsed]
     """Engine that computed each built-in tracker, by name of the tracker."""
     recorded_scans: RecordedScans | None
-    """Scans of the recorded run; None if that run is in another block."""
+    """Scans of the recorded run (the run that is kept for plots); None if that run is in another block."""
     answers: list[Record] = field(default_factory=list)
     """Answers of the trackers that did not fail, one record per run; empty unless answers are kept."""
     random: frozenset[str] = frozenset()
@@ -44,7 +44,7 @@ class Block:
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates | RecordedTracks]:
-        """Estimates or tracks in the recorded run, by name of the tracker; empty if that run is in another block."""
+        """Estimates or tracks in the recorded run (kept for plots), by tracker; empty if it is in another block."""
         outcomes = {name: item for name, item in self.outcomes.items() if not isinstance(item, Failure)}
         return {name: item.recorded for name, item in outcomes.items() if item.recorded is not None}
 
@@ -52,7 +52,7 @@ class Block:
 def failures_and_outcomes(
     trackers: Iterable[str], blocks: Sequence[Block]
 ) -> tuple[dict[str, Failure], dict[str, list[Any]]]:
-    """Return the failure of each tracker that failed in any block, and all outcomes of each other tracker."""
+    """Return, by tracker, the first failure of each one that failed, and the sums of scores per block of each other."""
     failures: dict[str, Failure] = {}
     outcomes: dict[str, list[Any]] = {}
     for name in trackers:
@@ -69,7 +69,7 @@ class Blocks:
     """Blocks of runs that are simulated and tracked together, with their measurements.
 
     With hidden identities a built-in tracker processes the runs of all blocks as one batch. ``on_recorded_run`` gets
-    the recorded run, if it is in one of these blocks and identities are known.
+    the recorded run (kept for plots), if that run is in one of these blocks and identities are known.
     """
 
     def __init__(self, work: Work, group: Sequence[BlockRuns], on_recorded_run: OnRecordedRun | None) -> None:

@@ -1,4 +1,4 @@
-"""Records of the tables of a result with known identities."""
+"""Records (columns by name) of which the tables of a result with known identities consist."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ from trackbench.trackers.config import FilterConfig, ImmConfig
 def records_of_estimates(
     work: Work, evaluated: Evaluated, scans: RecordedScans, recorded: Mapping[str, RecordedEstimates]
 ) -> Records:
-    """Return the records of each table of a run with known identities; ``recorded`` is by name of the tracker."""
+    """Return the records of each table of a result with known identities, by name of the table.
+
+    ``recorded`` has each tracker's estimates in the run that is kept for plots.
+    """
     scene = work.scenes[work.recorded_scene]
     # Recorded scenes differ in their number of measurements: the longest gives the times.
     times = {
@@ -55,7 +58,7 @@ def records_of_estimates(
 
 
 def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Record]:
-    """Return one record per scan of a run with known identities, with a row per object."""
+    """Return one record per scan of a run with known identities: measurement columns with a row per object."""
     return [
         {**scan_record(scan), "arrival_time_s": float(scan.arrival_time), "object": list(ids), "valid": scan.valid}
         for scan in scans
@@ -65,7 +68,7 @@ def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Recor
 def estimate_records(
     recorded: Mapping[str, RecordedEstimates], truth: Truth, instants: Indices, run: int
 ) -> list[Record]:
-    """Return the estimates of every tracker in one run at some steps of the truth, with their errors."""
+    """Return the estimates of every tracker in one run, with errors; ``instants`` are indices of the truth's steps."""
     state = truth.state_of_run(run)[:, instants]
     records: list[Record] = []
     for name, estimates in recorded.items():
@@ -157,7 +160,7 @@ def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) 
 
 
 def _mode_records(work: Work, outcomes: Mapping[str, Sequence[Outcome]]) -> Records:
-    """Return the tables of mode probabilities: means over runs and objects, and values in the recorded run."""
+    """Return tables of mode probabilities: means over runs and objects, and values in the run that is kept."""
     scene, time = work.scenes[work.recorded_scene], work.longest_time
     means: list[Record] = []
     single: list[Record] = []

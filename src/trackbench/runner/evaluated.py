@@ -37,7 +37,7 @@ class Evaluated:
     ranked: Sequence[str]
     """Names of the trackers with enough estimates, best first."""
     outcomes: Mapping[str, Sequence[Outcome]]
-    """Outcome in each block of runs, by name of each tracker that did not fail."""
+    """Outcome (sums of scores) in each block of runs, by name of each tracker that did not fail."""
     scores: Mapping[str, BlockScores]
     """Sums behind the built-in metrics of estimates, by name of each tracker that did not fail; empty with hidden
     identities."""

@@ -106,7 +106,7 @@ def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: 
 
 
 class NearestObject:
-    """Nearest object of each row of a run within the time of the truth, for at most ``MOST_ROWS`` rows.
+    """Search for the object nearest to each track row of a run, at most ``MOST_ROWS`` rows in the truth's time.
 
     Args:
         rows: rows of the run, in the order of time.
@@ -239,7 +239,7 @@ class ExternalRows:
         return rows
 
     def refuse(self, run: int, problem: str | None) -> None:
-        """Raise an error that names file, scene and run, if there is a problem."""
+        """Raise an error with file, scene and run, unless ``problem`` is None; ``run`` counts within the block."""
         if problem is not None:
             where = f"scene {self._piece.scene}, run {self._piece.runs[run]}"
             raise InputError(f"{where}: {problem}", file=self._file, key=self._key)
@@ -261,7 +261,7 @@ class ExternalHistories:
 
     @property
     def offsets(self) -> Array:
-        """``(5, P)`` of all runs so far: run, time, object, error along the path, m, and speed of the object, m/s."""
+        """``(5, P)`` rows near an object in all runs so far: run, time, object, error along the path, m, speed, m/s."""
         return np.concatenate(self._pairs, axis=1)
 
     def of_run(self, scene: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:

@@ -81,7 +81,7 @@ def clock_shift(rows: TrackRows, truth: Truth, offset: float) -> float:
 
 
 def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:
-    """Return the rows of one scene and run; a file without a column for scene or run gives the rows of all."""
+    """Return the rows of one scene and run, by number; a file without a column of scenes or runs gives all its rows."""
     matches = np.ones(len(rows), dtype=bool)
     for column, number in ((rows.scene, scene), (rows.run, run)):
         if column is not None:
@@ -107,7 +107,7 @@ def why_other_scans(rows: TrackRows, fingerprint: str) -> str | None:
 
 
 def inside(rows: TrackRows, shift: float, first: float, last: float) -> Mask:
-    """Return which rows are within the time of a truth; half a longest period beyond each end is allowed."""
+    """Return a mask of the rows from ``first`` to ``last``, s, plus half of ``LONGEST_PERIOD_S`` at either end."""
     stamp, margin = rows.time + shift, LONGEST_PERIOD_S / 2
     return np.asarray((stamp >= first - margin) & (stamp <= last + margin))
 

@@ -36,8 +36,10 @@ class SequenceStep(NamedTuple):
 def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Scan]]) -> list[SequenceStep]:
     """Return a tracker's steps through the first instants, as far as each step only predicts and updates its filter.
 
-    The steps end before an instant at which a track may start, a scan is late, or a guarded tracker reads nothing.
-    There are no steps before the first track, in the Cartesian fallback, or while a track waits by a prior or at rest.
+    The steps end before an instant at which a track can start, a scan is late, or a tracker with a guard (test of each
+    prediction) reads nothing.
+    There are no steps before the first track, or while a track waits by a prior or at rest. Nor are there while a track
+    is in the Cartesian fallback (followed by position and velocity alone).
     """
     started = state.started
     some_wait = not started.all()
@@ -122,7 +124,8 @@ class FilterSequence:
         slots = len(steps) if self._keeps else min(2, 1 + int(advances.sum()))
         self._cartesian = np.empty((4, slots, *self.shape)), np.empty((4, 4, slots, *self.shape))
         self.refused, self.repaired = np.zeros((2, len(steps), *self.shape), dtype=bool)
-        """``(steps, objects, runs)`` True where the guard refused a step, and where a covariance was repaired."""
+        """``(steps, objects, runs)`` True where a test (the guard) refused a step, and where a covariance was
+        repaired."""
         # An update is followed by the call for its innovation, a prediction by the call for px, py, vx, vy; a scored
         # step ends with the call for its scores.
         reads, scored = (np.array([getattr(step, name) for step in steps]) for name in ("reads", "last"))
@@ -130,9 +133,9 @@ class FilterSequence:
         calls = 1 + behind
         self._first, self.length = np.cumsum(calls) - calls, int(calls.sum())
         self.scored = np.flatnonzero(scored)
-        """Indices of the steps that are scored."""
+        """Index of each step that is scored, among all steps of the sequence."""
         self.score_calls = (self._first + calls - 1)[self.scored]
-        """Numbers of the kernel calls that compute the scores of these steps."""
+        """Index of the kernel call that computes the scores, for each scored step."""
         self.cartesian: list[tuple[Slot, Slot]] = []
         """Slots of the mean and the covariance of px, py, vx, vy after each step; filled by ``add``."""
         self._addresses, self._strides = np.zeros((2, len(steps)), dtype=np.int64), set[tuple[int, int, int]]()
@@ -238,7 +241,7 @@ class FilterSequence:
             self.cartesian[number] = Slot(arrays[0], slot), Slot(arrays[1], slot)
 
     def innovation_calls(self, numbers: Sequence[int]) -> tuple[Indices, ArrayPlace]:
-        """Return the numbers of the kernel calls for the innovations of some steps, and the addresses of the masks."""
+        """Return kernel call indices for the innovations of steps ``numbers``, and addresses of these scans' masks."""
         return self._first[numbers] + 1, self._each([self.steps[number].scan.valid for number in numbers], 0)
 
     def _each(self, arrays: Sequence[npt.NDArray[Any]], axes: int) -> ArrayPlace:
@@ -267,7 +270,7 @@ class FilterSequence:
         return np.add.reduceat(repaired, starts, axis=0, dtype=float) if repaired.any() else np.zeros((len(starts), 1))
 
     def probability(self, number: int) -> Array | None:
-        """Return the mode probabilities ``(modes, batch)`` after a step, NaN without a track; None without modes."""
+        """Return mode probabilities ``(modes, batch)`` after step ``number``, NaN without track; None without modes."""
         arrays = self._arrays_after(number)
         if "probability" not in arrays:
             return None

@@ -38,7 +38,8 @@ def run_blocks(
         work: data shared by all blocks.
         group: blocks of runs that are made together.
         progress: called with the number of finished runs and of all; each tracker counts for an equal part of a run.
-        on_recorded_run: called with the recorded run, if it is in one of these blocks and identities are known.
+        on_recorded_run: called with the recorded run (kept for plots), if it is in one of these blocks and identities
+            are known.
     """
     keep_freed_memory()
     runs = sum(len(piece.runs) for piece in group)

@@ -1,4 +1,4 @@
-"""Outcome of a tracker in a block: sums of its scores, the recorded run, and sums of its mode probabilities."""
+"""Outcome of a tracker in a block of runs: sums of scores and mode probabilities, and the run that is kept."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from trackbench.results.columns import Record
 
 @dataclass
 class Outcome:
-    """Outcome of one tracker in one block of runs: sums of its scores, and its estimates in the recorded run."""
+    """Sums of one tracker's scores in one block of runs, and its estimates in the run that is kept for plots."""
 
     sums: MetricSums
     recorded: RecordedEstimates | RecordedTracks | None
-    """Estimates or tracks in the recorded run; None if that run is in another block."""
+    """Estimates or tracks in the recorded run (the run that is kept for plots); None if it is in another block."""
     modes: ModeSums | None = None
     """Sums of the tracker's mode probabilities; None for a tracker without modes."""
     offset: Array | None = None
     """``(5, P)`` P rows of external tracks that are near an object: number of the run, time, s, number of the object,
     error along the path, m, and speed of the object, m/s. None for any other tracker."""
     external_rows: Indices | None = None
-    """Number of rows in a file of tracks, of rows within the time of the truth, and of runs without a row in that time.
-    None for any other tracker."""
+    """Three counts of a file of tracks: its rows, rows within the time of the truth, and runs without a row in that
+    time. None for any other tracker."""
 
     @property
     def scores(self) -> BlockScores:
@@ -43,7 +43,7 @@ class Outcome:
 
     @property
     def timeline(self) -> Timeline:
-        """Parts of GOSPA at each instant, summed over runs, with events; of a tracker with hidden identities."""
+        """Squared GOSPA's parts (localisation, missed, false) at each instant, summed over runs, with events."""
         timeline: Timeline = self.sums[TIMELINE]
         return timeline
 
@@ -56,7 +56,7 @@ class Outcome:
 
 @dataclass
 class RecordedEstimates:
-    """Estimates of one tracker in the run that is recorded."""
+    """Estimates of one tracker in the recorded run, the one run whose estimates are kept for plots."""
 
     mean: Array
     """``(4, instants, objects)`` estimated px, py, vx, vy, NaN where there is no estimate."""
@@ -77,10 +77,10 @@ class RecordedEstimates:
 
 
 class RecordedInstant(NamedTuple):
-    """Estimates of the recorded run at one instant."""
+    """Estimates of all trackers in the recorded run (kept for plots) at one instant."""
 
     number: int
-    """Index of the instant, from 0."""
+    """Index of the instant among those at which trackers are scored, from 0."""
     estimates: dict[str, Gaussian]
     """Mean ``(4, objects)``, NaN for no estimate, and covariance, by name of each tracker that has not failed."""
 
@@ -91,14 +91,15 @@ OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 
 @dataclass
 class RecordedScans:
-    """Scans of the recorded run, with the origins of their detections if identities are hidden."""
+    """Scans of the recorded run (kept for plots), with the origins of their detections if identities are hidden."""
 
     scans: list[Scan]
     """Scans whose batch axis is ``(objects,)``, or ``(detections,)`` with hidden identities."""
     origins: list[Indices] = field(default_factory=list)
     """``(D,)`` number of the object that caused each detection of a scan; empty with known identities."""
     status: npt.NDArray[np.int8] | None = None
-    """``(instants, objects)`` ``ABSENT``, ``OPTIONAL`` or ``DUE``; None with known identities."""
+    """``(instants, objects)`` whether an object must be tracked (``DUE``), may be without penalty (``OPTIONAL``), or is
+    ``ABSENT``; None with known identities."""
 
 
 class ModeSums:
@@ -107,7 +108,7 @@ class ModeSums:
     Args:
         size: number of modes.
         target: ground truth that the tracker is scored against.
-        recorded_run: number of the recorded run in the block; None if it is in another block.
+        recorded_run: index within the block of the recorded run (kept for plots); None if that run is in another block.
     """
 
     def __init__(self, size: int, target: Target, recorded_run: int | None) -> None:
@@ -117,7 +118,8 @@ class ModeSums:
         self.count = np.zeros(instants)
         """Number of terms in ``total`` at each instant."""
         self.recorded = None if recorded_run is None else np.full((size, instants, objects), np.nan)
-        """Mode probabilities in the recorded run; NaN where an object has no estimate."""
+        """``(modes, instants, objects)`` mode probabilities in the recorded run, NaN where an object has no estimate;
+        None if that run is in another block."""
         self._recorded_run = recorded_run
 
     def take(self, instant: int, probability: Array, target: Target) -> None:

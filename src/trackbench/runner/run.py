@@ -43,7 +43,7 @@ def run_scenario(
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
-    """Run a scenario and return its result.
+    """Run all trackers of a scenario in all Monte-Carlo runs; return metrics, comparisons and tables as the result.
 
     With one engine the result is the same on any executor, to the last bit, but for the measured times.
 
@@ -57,7 +57,7 @@ def run_scenario(
         keeps_answers: whether the result has the table ``answers``, with the trackers' answers in every run; the engine
             is NumPy then.
         progress: called with the number of finished runs and the number of all runs.
-        on_recorded_run: called with the recorded run while it is made; it should return at once.
+        on_recorded_run: called with the recorded run (kept for plots) while that run is made; should return at once.
 
     Raises:
         InputError: the engine is not available.
@@ -101,7 +101,7 @@ class PendingRun:
         executor: makes the blocks of runs.
         isolation: limits of the processes in which plug-ins run.
         engine: engine that computes built-in trackers and scores.
-        observed: whether ``collect`` gets a function that receives the recorded run.
+        observed: whether ``collect`` gets a function that receives the recorded run (the run that is kept for plots).
         alone: whether no other scenario is run at the same time.
         keeps_answers: whether the result has the table ``answers``; the engine is NumPy then.
         scenes: numbers of the scenes that are run; None for all.
@@ -155,7 +155,7 @@ class PendingRun:
         Args:
             command: returns the command line that reproduces the result of a scenario.
             progress: called with the number of finished runs and the number of all runs.
-            on_recorded_run: called with the recorded run while it is made, if ``observed``.
+            on_recorded_run: called with the recorded run (kept for plots) while that run is made, if ``observed``.
 
         Raises:
             TrackbenchError: the processes that make the blocks died.

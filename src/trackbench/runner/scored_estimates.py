@@ -1,4 +1,4 @@
-"""Scoring of a single-object tracker's estimates, with a copy of the recorded run."""
+"""Scoring of a single-object tracker's estimates, with a copy of those in the run that is kept for plots."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ NO_ANSWER_YET = "does it follow several objects? Then write sensing: {identities
 
 
 class EstimateScoring:
-    """Scoring of a single-object tracker in one block: sums of scores and modes, and the recorded estimates.
+    """Scoring of a single-object tracker in one block of runs: sums of scores and modes, and the estimates kept.
 
     Args:
         work: data shared by all blocks.
         piece: block of runs.
         name: name of the tracker.
         targets: scoring targets of the block's trackers.
-        observe: called with the estimates of the recorded run at each instant, if it is in the block.
+        observe: called at each instant with the estimates of the recorded run (kept for plots), if it is in the block.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class EstimateScoring:
         return sequence.state(), sequence.steps[-1].instant + 1
 
     def close(self) -> list[Outcome]:
-        """Return the tracker's outcome in its one block, as a list.
+        """Return a list of one: the tracker's outcome (sums of scores, estimates kept) in its block.
 
         Raises:
             Fault: the tracker gave no estimate at all, and some were due.
@@ -154,11 +154,11 @@ class EstimateScoring:
             self._observe(RecordedInstant(instant, {self._name: none}))
 
     def hint(self, fault: TrackFault) -> str:
-        """Return the likely cause of an error before the tracker's first answer; empty where none is likely."""
+        """Return the likely cause of a fault before the tracker's first answer; empty where no cause is likely."""
         return "" if self._has_answered or not fault.cause.startswith(OF_SHAPES) else NO_ANSWER_YET
 
     def place(self, member: int) -> tuple[str | None, int]:
-        """Return the object and the run of one member of the batch; runs count from the first of the block."""
+        """Return name of the object and index of the run in the block, of the batch member with index ``member``."""
         object, run = divmod(member, len(self._piece.runs))
         return self._scene.truth.ids[object], run
 

@@ -41,7 +41,7 @@ class TrackScoring:
         self._scorer.take(delivery, answer, seconds, predicted)
 
     def close(self) -> list[Outcome]:
-        """Score all tracks, and return the tracker's outcome in each block of runs.
+        """Score all tracks, and return the tracker's outcome (sums of scores) in each block of runs.
 
         Raises:
             Fault: a track of a built-in tracker, whose answers are not checked step by step, is not finite.
@@ -63,16 +63,19 @@ class TrackScoring:
         return [Outcome(*scored) for scored in self._scorer.close()]
 
     def hint(self, fault: TrackFault) -> str:
-        """Return the likely cause of an error that was raised before the first track; empty where none is likely."""
+        """Return the likely cause of an error raised before the first track; empty where no cause is likely."""
         none_yet = not any(len(tracks.ids) for tracks in self._scorer.tracks_at)
         return NO_TRACKS_YET if none_yet and fault.kind == "raised" else ""
 
     def place(self, member: int) -> tuple[None, int]:
-        """Return None, for no object, and the run that is this member of the batch."""
+        """Return None for the object, as a member is a whole run, and the index of the member's run in the batch."""
         return None, member
 
     def _stretches(self) -> tuple[list[int], list[int]]:
-        """Return the index after each stretch's last instant, and the scored stretches; both empty without a cut."""
+        """Return, for a log cut into stretches of time, each stretch's end index and the scored stretches' numbers.
+
+        Both lists are empty for a log that is not cut.
+        """
         if not self._work.stretches:
             return [], []
         number = stretch_of(self._time, self._work.stretches)

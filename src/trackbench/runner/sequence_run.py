@@ -23,25 +23,25 @@ LEAST_INSTANTS = 4
 
 
 class RecordedSequence(NamedTuple):
-    """A tracker's estimates and innovations in the recorded run at all steps of a sequence of kernel calls."""
+    """A tracker's estimates and innovations in the recorded run (kept for plots), at all steps of a sequence."""
 
     sequence: FilterSequence
     white: Array
     """``(steps, m, objects, runs)`` whitened innovations; zeros in components that a sensor does not have."""
     member: int
-    """Index of the recorded run among the runs of the sequence."""
+    """Index of the recorded run (kept for plots) among the runs of the sequence."""
     started: Mask
     """``(objects,)`` True where there is a track."""
 
     def estimate(self, number: int) -> tuple[Array, Array]:
-        """Return the mean ``(4, objects)`` and the covariance after a step, NaN for an object without a track."""
+        """Return mean ``(4, objects)`` and covariance after the step with index ``number``, NaN without a track."""
         slots = self.sequence.cartesian[number]
         runs = self.sequence.shape[1]
         mean, covariance = (np.where(self.started, slot.value[..., self.member :: runs], np.nan) for slot in slots)
         return mean, covariance
 
     def whitened(self, number: int) -> Array:
-        """Return the whitened innovations ``(m, objects)`` of a step."""
+        """Return the whitened innovations ``(m, objects)`` of the step with index ``number``."""
         return self.white[number, ..., self.member]
 
 
@@ -64,7 +64,8 @@ def run_sequence(
         recorded: number of the run in the block whose estimates are kept; None for no run.
 
     Returns:
-        The sequence, and the recorded run if there is one; None where the steps have to be taken one by one.
+        The sequence, and the estimates of the run ``recorded``, None without it; None where steps have to be taken one
+        by one.
     """
     kernel_set, objects, runs = scorer.kernels, *scorer.shape
     is_fused = kernel_set and isinstance(tracker.computed_filter, FusedFilter)
@@ -113,7 +114,7 @@ def run_sequence(
 def _recorded(
     tracker: FilterTracker, state: TrackState, steps: Sequence[SequenceStep], shape: tuple[int, int], run: int
 ) -> RecordedSequence:
-    """Repeat the steps for the recorded run and its neighbours, as many as fill a vector, and keep all estimates."""
+    """Repeat the steps for the run ``run`` and its neighbours, as many as fill a vector, and keep all estimates."""
     first = min(run, shape[1] - WIDTH)
     sequence = FilterSequence(tracker, state, steps, shape, range(first, first + WIDTH))
     calls = CallSequence(kernels(), *sequence.shape, sequence.length)

@@ -65,7 +65,7 @@ def truth_records(truth: Truth, run: int) -> list[Record]:
 
 
 def other_truth(work: Work) -> Records:
-    """Return the true motion in all scenes but the recorded one, in the run of the recorded number."""
+    """Return the true motion of each scene but that of the recorded run (kept for plots), in the run of its number."""
     records: list[Record] = [
         {**record, "scene": float(number)}
         for number, scene in enumerate(work.scenes)
@@ -76,7 +76,7 @@ def other_truth(work: Work) -> Records:
 
 
 def road_records(truth: Truth) -> list[Record]:
-    """Return the course of each lane edge, one record each."""
+    """Return one record for each lane edge: its number and the x, y of its points, m."""
     lines = truth.roads or [np.zeros((0, 2))]
     return [{"line": float(i), "x_m": line[:, 0], "y_m": line[:, 1]} for i, line in enumerate(lines)]
 

@@ -1,4 +1,4 @@
-"""Scoring targets of the trackers in a block of runs: true states, where they are scored, and error bounds."""
+"""References for the scores in a block of runs: true states, when they are scored, and error bounds."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Targets:
         self._order = {name: np.argsort(arrival, kind="stable") for name, arrival in self._arrival.items()}
         self.measurements, self.scans = measurements, measurements.scans
         self.due, self.starting = self._where_due(shape)
-        """``(instants, objects, runs)`` True where an estimate is scored, and in the first second after a detection."""
+        """``(instants, objects, runs)`` True where an estimate is scored, and in the second after a first detection."""
         self._measured: dict[frozenset[str], tuple[Iterator[Array], list[Array]]] = {}
         self._conditions: dict[frozenset[str], Classes] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
@@ -82,7 +82,7 @@ class Targets:
         return np.stack(positions[instants], axis=1)
 
     def conditions(self, tracker: TrackerEntry) -> Classes:
-        """Return each object's condition class, ``(instants, objects, runs or 1)``, by the sensors of a tracker."""
+        """Return each object's class of manoeuvre, range, age and jump, as the sensors of a tracker see the object."""
         sensors = frozenset(self._valid if tracker.sensors is None else tracker.sensors)
         if sensors not in self._conditions:
             read = [sensor for sensor in self._scene.sensors if sensor.name in sensors]
@@ -134,7 +134,7 @@ class Targets:
         return {name: np.searchsorted(times, until + SAME_TIME, side="right") for name, times in arrival.items()}
 
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
-        """Return the variance bound or reference of the errors; zero before the first information."""
+        """Return Cramér-Rao bounds ``(2, instants, ...)`` on the variance of position and velocity; 0 where unknown."""
         scene, work = self._scene, self._work
         if scene.point != "centre":
             # The bound holds for the measured point only.

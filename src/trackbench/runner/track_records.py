@@ -1,4 +1,4 @@
-"""Records of the tables of a result with hidden identities."""
+"""Records (columns by name) of which the tables of a result with hidden identities consist."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ def records_of_tracks(
     scans: RecordedScans,
     recorded: Mapping[str, RecordedTracks],
 ) -> Records:
-    """Return the records of each table of a run with hidden identities; ``recorded`` is by name of the tracker."""
+    """Return the records of each table of a result with hidden identities, by name of the table.
+
+    ``recorded`` has each tracker's tracks in the run that is kept for plots.
+    """
     scene = work.scenes[work.recorded_scene]
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     sums = {name: [block.timeline for block in blocks] for name, blocks in evaluated.outcomes.items()}
@@ -137,7 +140,7 @@ def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Reco
 
 
 def _other_tracks(work: Work, blocks: Sequence[Block], names: Iterable[str]) -> list[Record]:
-    """Return the tracks of each scene but the recorded one, in the run with the same number as the recorded run."""
+    """Return the tracks of each scene but that of the recorded run (kept for plots), in the run of its number."""
     records: list[Record] = []
     for block in (block for block in blocks if block.piece.scene != work.recorded_scene):
         scene = work.scenes[block.piece.scene]
@@ -195,7 +198,7 @@ def _gate_records(work: Work, name: str, recorded: RecordedTracks, scans: Sequen
 
 
 def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
-    """Return a tracker's events: all of the recorded run, and the ``MOST_EVENTS`` costliest of the other runs."""
+    """Return a tracker's errors as events: all of the run that is kept, and ``MOST_EVENTS`` costliest of other runs."""
     recorded = work.number(work.recorded_scene, work.recorded_run)
     rows = dearest([event for block in blocks for event in block.events], recorded)
     ids = [work.scenes[scene // max(work.stretches, 1)].truth.ids for scene in work.scene_of_run]
@@ -227,7 +230,7 @@ def _events_record(name: str, blocks: Sequence[Timeline], work: Work) -> Record:
 
 
 def _stretch_records(name: str, blocks: Sequence[Timeline], ids: Sequence[str], time: Array) -> list[Record]:
-    """Return stretches of time in which an object is tracked, missed and so on, in the recorded run."""
+    """Return each object's stretches of time in one state, such as tracked or lost, in the run that is kept."""
     until = np.append(time[1:], 2 * time[-1] - time[-2] if len(time) > 1 else time[-1])
     strips = next(block.strips for block in blocks if block.strips is not None)
     records: list[Record] = []

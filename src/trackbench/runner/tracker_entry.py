@@ -1,4 +1,4 @@
-"""Entry of one tracker in a result."""
+"""Description, failure and metrics of one tracker, as a result lists them."""
 
 from __future__ import annotations
 

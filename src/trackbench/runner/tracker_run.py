@@ -49,7 +49,7 @@ class TrackerRun:
         batch: runs with their measurements.
         name: name of the tracker.
         twice: whether a plug-in is driven through some runs a second time, to check it.
-        observe: called with the estimates of the recorded run at each instant, if it is in the block.
+        observe: called at each instant with the estimates of the recorded run (kept for plots), if it is in the batch.
     """
 
     def __init__(self, work: Work, batch: Batch, name: str, twice: bool, observe: OnRecordedRun | None = None) -> None:
@@ -148,7 +148,7 @@ class TrackerRun:
             raise
 
     def close(self) -> list[Outcome] | Failure:
-        """Return the tracker's outcome in each block of runs, or its failure; call it after leaving the context."""
+        """Return the tracker's outcome (sums of scores) per block of runs, or its failure, once the context is left."""
         if self.failure is None:
             try:
                 return self._scoring.close()
@@ -161,7 +161,7 @@ class TrackerRun:
 
     @cached_property
     def _deliveries(self) -> list[list[Delivery]]:
-        """Scans that the tracker is given at each instant."""
+        """Scans that the tracker is given, one list for each instant."""
         if self.tracker is None:
             return []
         scans = self.batch.measurements.scans
@@ -171,7 +171,7 @@ class TrackerRun:
         return list(deliveries(scans, used, self._scene.each_measurement))
 
     def _arguments(self, delivery: Delivery) -> tuple[Scan, Indices] | tuple[Scan]:
-        """Return the scan; for a tracker that wants origins, also the one or two objects that caused each detection."""
+        """Return the scan; for a tracker that uses origins, also the one or two objects that caused each detection."""
         measurements = self.batch.measurements
         if not measurements.origins or not getattr(self.tracker, "wants_origins", False):
             return (delivery.scan,)
@@ -179,7 +179,7 @@ class TrackerRun:
         return delivery.scan, origins if delivery.read and delivery.number is not None else origins[:, :0]
 
     def _take_sequence(self, instant: int) -> int:
-        """Take instants from this one on by one sequence of kernel calls; return their number, 0 for none."""
+        """Step through instants from ``instant`` on by one sequence of kernel calls; return how many, 0 for none."""
         stepwise = self._work.engine_here == "numpy" or instant < self._step_by_step_until or self.state is None
         if stepwise or not isinstance(self.tracker, FilterTracker) or not isinstance(self._scoring, EstimateScoring):
             return 0

@@ -135,7 +135,7 @@ class Work:
     """Longest time out of view of all sensors at which an object is still scored, s."""
     recorded_scene: int
     recorded_run: int
-    """Number of the recorded run within its scene."""
+    """Number, within its scene, of the recorded run: the run that is kept for plots."""
     reference: ReferenceMotion | None = None
     """White acceleration that the Cramér-Rao bound assumes; None with hidden identities."""
     min_coverage: float = 0.0
@@ -173,7 +173,7 @@ class Work:
 
     @property
     def sensors(self) -> Mapping[str, Sensor]:
-        """Configuration of each sensor, by name."""
+        """Options of each sensor in the scenario, by name of the sensor."""
         return {sensor.name: sensor.config for sensor in self.scenes[0].sensors}
 
     @property
@@ -250,7 +250,7 @@ class Work:
 
     @property
     def headline(self) -> str:
-        """Name of the metric that ranks trackers."""
+        """Name of the metric by which trackers are ranked."""
         return ranking_path(BUILT_IN if not self.hidden else TRACK_METRICS.values())
 
     @property
@@ -279,16 +279,16 @@ class Work:
 
     @property
     def longest_time(self) -> Array:
-        """Times of the instants of the scene with the most instants, s."""
+        """``(instants,)`` times at which trackers are scored, s, in the scene that has the most such instants."""
         return max((scene.truth.time[scene.instants()] for scene in self.scenes), key=len)
 
     def of_scenes(self, scenes: Collection[int]) -> Work:
-        """Return the work for some scenes only; the first of them takes the place of all others."""
+        """Return the work restricted to ``scenes``; the first of these also replaces every other scene."""
         first = self.scenes[min(scenes)]
         return replace(self, scenes=[each if number in scenes else first for number, each in enumerate(self.scenes)])
 
     def recorded_in(self, piece: BlockRuns) -> int | None:
-        """Return the number of the recorded run within a block; None if that run is in another block."""
+        """Return the index within a block of the recorded run (kept for plots); None if it is in another block."""
         is_here = piece.scene == self.recorded_scene and self.recorded_run in piece.runs
         return self.recorded_run - piece.runs.start if is_here else None
 

@@ -141,7 +141,7 @@ class Expectation(Config):
     )
 
     def holds_in(self, world: World | None) -> bool:
-        """Return whether the condition must hold in a world; None stands for the scenario outside of worlds."""
+        """Return whether the condition must hold in a world (drivers and sensors), or for None outside all worlds."""
         return world in self.worlds if self.worlds else world in (None, "ideal")
 
     def problems(self) -> Iterator[Problem]:
@@ -221,17 +221,17 @@ class ScenarioKeys(Config):
 
     @property
     def sensor_kinds(self) -> dict[str, str]:
-        """Kind of each sensor, by name."""
+        """Type of each sensor, such as radar, by name of the sensor."""
         return {name: sensor.type for name, sensor in self.sensors.items()}
 
     @property
     def hides_targets(self) -> bool:
-        """Whether other objects may hide targets from a sensor."""
+        """Whether other objects can hide targets from a sensor."""
         return self.sensing.identities == "known" and any(sensor.occlusion for sensor in self.sensors.values())
 
     @property
     def few_scenes_decide(self) -> bool:
-        """Whether one scene in a hundred may decide between two trackers, because simulated vehicles hide others."""
+        """Whether one scene in a hundred can decide between two trackers, because simulated vehicles hide others."""
         return self.hides_targets and self.truth.source == "highway-env"
 
     @property
@@ -250,5 +250,5 @@ class ScenarioKeys(Config):
 
     @property
     def full_name(self) -> str:
-        """Name of the scenario with its world, which is the name of the result's folder."""
+        """Name of the scenario and of its world (drivers and sensors), if any; also the name of the result's folder."""
         return self.name if self.world is None else f"{self.name}-{self.world}"

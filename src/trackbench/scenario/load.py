@@ -110,7 +110,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
 
 
 def _in_world(document: YamlDocument) -> YamlDocument:
-    """Return the document with the changes of the world that its key ``world`` names, if any."""
+    """Change a document into the world (kind of drivers and sensors) that its key ``world`` names, if it names one."""
     world = document.value.get("world")
     if world not in WORLDS:
         return document

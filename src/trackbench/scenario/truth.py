@@ -1,4 +1,4 @@
-"""Ground truth of each scene of a scenario: simulated, drawn or read."""
+"""Ground truth of each scene of a scenario: simulated, scripted, drawn at random or read from a file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
 def truths_of(
     loaded: Scenario, progress: Progress = no_progress, executor: Executor | None = None
 ) -> list[LoadedTruth]:
-    """Return the truth of each scene, simulated, drawn or read, in the order of the scenes.
+    """Return the truth of each scene: simulated, scripted, drawn at random or read; in the order of the scenes.
 
     Args:
         loaded: the scenario.
@@ -41,7 +41,7 @@ def truths_of(
 
 
 def truth_source(loaded: Scenario) -> TruthSource:
-    """Return the truth source; with hidden identities or occlusion, it has every object that a sensor may reach."""
+    """Return the truth source; with hidden identities or occlusion, it has every object that a sensor can reach."""
     config = loaded.config
     if config.sensing.identities == "known" and not config.hides_targets:
         return config.truth

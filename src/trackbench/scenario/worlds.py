@@ -1,6 +1,6 @@
-"""Worlds: the same sensors and trackers, where drivers are steady or human, and sensors ideal or typical.
+"""Worlds: variants of a scenario in which drivers are steady, human or recorded, and sensors ideal or typical.
 
-A world is a set of changes of a scenario.
+A world is a set of changes of a scenario; trackers and types of sensors stay.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ I80: dict[str, Any] = {"source": "recorded-traffic", "format": "i80", "smoothing
 
 
 class NoSuchWorldError(InputError):
-    """Error: a scenario cannot be changed into a world."""
+    """Error: a scenario cannot be changed into a world (a kind of drivers and sensors)."""
 
 
 def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
-    """Return the changes, ``key.path=value`` each, that turn a scenario as written into one of the world.
+    """Return the changes, ``key.path=value`` each, that give a scenario the drivers and sensors of a world.
 
     Raises:
         NoSuchWorldError: the world does not fit the scenario.

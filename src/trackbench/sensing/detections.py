@@ -97,7 +97,7 @@ def _unresolved_pairs(sensor: IdealSensor, polar: Array, detected: Mask) -> Mask
 
 
 def _group_numbers(linked: Mask) -> Indices:
-    """Return the smallest object index in the group of each object, ``(instants, objects)``."""
+    """Return each object's group, ``(instants, objects)``: the smallest index of an object in one cell with it."""
     count = linked.shape[1]
     is_linked_or_self = linked | np.eye(count, dtype=bool)
     group = np.broadcast_to(np.arange(count), linked.shape[:2])
@@ -122,7 +122,7 @@ class FalseAlarms(NamedTuple):
 def draw_false_alarms(
     sensor: IdealSensor, seed: int, scenario: str, runs: range, sensed: Sensed | None
 ) -> list[list[FalseAlarms]]:
-    """Return the false alarms of each run in a list: first clutter, then each effect, from separate random streams."""
+    """Return for each run a list of false alarms: those of clutter, then of each effect, from random streams apart."""
     result = [_clutter_alarms(sensor, seed, scenario, run) for run in runs]
     if sensed is not None:
         for place, effect in enumerate(sensor.config.effects):

@@ -50,7 +50,7 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
 
 
 def unscored(truth: Truth, steps: Indices, x: Array, y: Array, margin: float = 0.0) -> Mask:
-    """Return whether a point is not scored: out of range or on a don't-care box, ``(instants, points)``.
+    """Return which points are not scored: out of range or on a don't-care box, ``(instants, points)``.
 
     Args:
         truth: ground truth with its scored range and don't-care boxes.

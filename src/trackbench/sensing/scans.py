@@ -43,7 +43,7 @@ class IdealSensor:
     measurement: Array
     """``(m, instants, objects, runs or 1)`` measurement of each object, before noise unless recorded."""
     visible: Mask
-    """``(instants, objects, runs or 1)`` whether the object is in view and the sensor is not silent."""
+    """``(instants, objects, runs or 1)`` whether the object is in view and the sensor is in no dropout."""
     in_view: Mask
     """``(instants, objects, runs or 1)`` whether the object is present, in the field of view and not occluded."""
     probability: Array
@@ -145,7 +145,7 @@ def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: 
 
 
 def scan_at(sensor: IdealSensor, k: int, place: int, arrival: float, measurement: Array, valid: Mask) -> Scan:
-    """Return the scan at index ``k`` of the sensor's instants, arriving at ``arrival`` s; ``place``: sensor's index."""
+    """Return the scan at the sensor's instant ``k``, which arrives at ``arrival`` s; ``place``: index of the sensor."""
     return Scan(
         time=float(sensor.time[k]),
         sensor=sensor.name,
@@ -310,7 +310,7 @@ def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, ru
 
 
 def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:
-    """Return ``ideal`` plus the sensor's noise, ``(m, ...)``, written into the standard normal ``draws``."""
+    """Return ``ideal`` plus the sensor's noise, ``(m, ...)``; the standard normal ``draws`` are overwritten with it."""
     by_component = (slice(None), *(None,) * (ideal.ndim - 1))
     draws *= np.array(config.sigmas())[by_component]
     draws += ideal

@@ -28,7 +28,7 @@ def firing_steps(config: Sensor, time: Array) -> npt.NDArray[np.intp]:
 
 
 def silent(config: Sensor, time: Array) -> Mask:
-    """Return whether the sensor is in a dropout at each time; a dropout includes its start but not its end."""
+    """Return a mask ``(times,)``, True in a dropout of the sensor; a dropout includes its start but not its end."""
     is_silent = np.zeros(np.shape(time), dtype=bool)
     for dropout in config.dropouts:
         is_silent |= (time >= dropout.from_s - TOLERANCE) & (time < dropout.to_s - TOLERANCE)
@@ -64,7 +64,7 @@ SLACK_M = 1e-6
 
 
 def occluded(truth: Truth, steps: Indices, origin: Array, is_tested: Mask | bool = True) -> Mask:
-    """Return whether the boxes of other objects cross all lines of sight to an object's centre and corners.
+    """Return which objects are hidden: boxes of other objects cross all lines of sight to centre and corners.
 
     Args:
         truth: motion and sizes of the objects.
@@ -87,7 +87,7 @@ def occluded(truth: Truth, steps: Indices, origin: Array, is_tested: Mask | bool
 
 
 def crosses(start: Array, end: Array, half_length: Array | float, half_width: Array | float) -> Mask:
-    """Return whether segments ``(2, ...)`` meet a box at the origin, whose sides lie along the axes.
+    """Return a mask ``(...)`` of the segments ``(2, ...)`` that meet a box centred on the origin, sides along the axes.
 
     Source: Ericson (2005), "Real-Time Collision Detection", section 5.3.3 (separating axes).
     """
@@ -99,7 +99,7 @@ def crosses(start: Array, end: Array, half_length: Array | float, half_width: Ar
 
 
 def _occluded(truth: Truth, steps: Indices, origin: Array, tested: tuple[Indices, ...]) -> Mask:
-    """Return whether each tested object is hidden, ``(M,)``; ``tested``: indices of instant, object and run."""
+    """Return which of M tests find an object hidden, ``(M,)``; ``tested``: instant, object and run index of each."""
     instant, obj, run = tested
     px, py, c, s = (values[tested] for values in _placed(truth, steps))
     ox, oy = origin[:, instant]
@@ -172,7 +172,7 @@ def polar(truth: Truth, steps: Indices, motion: SensorMotion) -> Array:
 
 
 def objects_in_view(truth: Truth, steps: Indices, config: Sensor, motion: SensorMotion, polar_values: Array) -> Mask:
-    """Return whether an object is in the field of view and not occluded, ``(instants, objects, runs or 1)``."""
+    """Return which objects are in the field of view and not occluded, ``(instants, objects, runs or 1)``."""
     result = truth.alive[steps][:, :, None] & config.reaches(polar_values[0], polar_values[1])
     if config.occlusion:
         result &= ~occluded(truth, steps, motion.pose[:2], result)
@@ -194,7 +194,7 @@ def motion_at(truth: Truth, config: Sensor, steps: Indices) -> SensorMotion:
 
 
 def to_rim(config: Sensor, polar_values: Array) -> Array:
-    """Return the distance from each object in the field of view to the nearest edge of the field of view, m."""
+    """Return the distance of each object to the nearest edge of the field of view, m; for objects inside it."""
     field = field_of_view(config)
     outer = field.max_range - polar_values[0]
     if field.half_angle >= np.pi:

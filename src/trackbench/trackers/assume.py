@@ -59,19 +59,19 @@ class AssumedEffects(Config):
 
     @property
     def names(self) -> list[str]:
-        """Names of the assumed effects, as words for messages and tables."""
+        """Sensor effects that the tracker assumes, in words for messages and tables."""
         return [name.replace("_", " ") for name in type(self).model_fields if getattr(self, name) is not None]
 
     @property
     def states(self) -> list[str]:
-        """Names of the assumed effects whose errors become part of the tracker's state."""
+        """Keys of the assumed effects (correlated_errors, bias) whose errors become part of the tracker's state."""
         return [key for key in ("correlated_errors", "bias") if getattr(self, key) is not None]
 
     def problems_on(self, kind: str, linear: bool) -> Iterator[Problem]:
-        """Yield a problem for each assumed effect that a kind of sensor does not have.
+        """Yield a problem for each assumed effect that a type of sensor, such as lidar, does not have.
 
         Args:
-            kind: name of the kind of sensor.
+            kind: name of the type of sensor.
             linear: whether the filter converts measurements to positions, as the Kalman filter does.
         """
         sensor = SENSOR_MODELS[kind]
@@ -113,7 +113,7 @@ class AssumedSensors:
     """Sensor models and noise that a tracker assumes, by the sensor's name."""
 
     models: Mapping[str, str] = field(default_factory=dict)
-    """Kind of sensor that the tracker assumes in place of the stated kind, by the sensor's name."""
+    """Type of sensor, such as radar, that the tracker assumes in place of the stated type, by the sensor's name."""
     noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Standard deviations by option that the tracker assumes for a sensor, by the sensor's name."""
     effects: Mapping[str, AssumedEffects] = field(default_factory=dict)

@@ -36,7 +36,7 @@ FILTERS = {
 
 
 def build(config: FilterConfig) -> LateScans:
-    """Return the tracker that a scenario's ``filter:`` entry describes."""
+    """Return the built-in tracker that a scenario's settings under ``filter:`` describe."""
     tracker = FilterTracker(filter_of(config), config.initial, **config.scan_options)
     return LateScans(tracker, config.late, config.lag_s)
 
@@ -60,7 +60,7 @@ ckf = _factory("ckf")
 
 
 def filter_of(config: FilterConfig) -> Filter[Any]:
-    """Return the filter with its motion models that a ``filter:`` entry describes."""
+    """Return the filter, with its motion models, that a scenario's settings under ``filter:`` describe."""
     errors = error_states(config.assume)
     models = [MotionWithErrors(motion=motion, errors=errors) if errors else motion for motion in config.models]
     filters = tuple(single_model_filter(config, motion) for motion in models)

@@ -38,13 +38,13 @@ class CartesianFallback(NamedTuple):
     """Position and velocity of tracks whose course is unknown, in place of a state with a yaw."""
 
     where: Mask
-    """Mask ``(...)``, True for tracks in the fallback."""
+    """Mask ``(...)``, True for tracks in the fallback, which are followed by position and velocity alone."""
     belief: Belief
     """Belief of px, py, vx, vy ``(4, ...)``; a placeholder for tracks that are not in the fallback."""
 
 
 def joined(fallback: CartesianFallback | None, where: Mask, cartesian: Gaussian) -> CartesianFallback:
-    """Return the fallback with further tracks put into it.
+    """Add tracks to the fallback, in which tracks are followed by position and velocity alone.
 
     Args:
         fallback: tracks in the fallback so far, if any.
@@ -97,13 +97,13 @@ class FallbackFilter:
     """Standard deviations assumed for other components; that of the acceleration is also this filter's process
     noise."""
     at_start: bool
-    """Whether a track may start as position and velocity alone, in the fallback."""
+    """Whether a track is allowed to start in the fallback, as position and velocity alone."""
     later: bool
     """Whether a track whose course becomes unknown after its start enters the fallback."""
 
     @cached_property
     def guard(self) -> StepGuard | None:
-        """Guard that refuses the fused step for tracks whose course becomes unknown; None if none may enter later."""
+        """Test that refuses the fused step for tracks whose course becomes unknown; None unless ``later``."""
         return CourseLost(tuple(motion.components for motion in self.filter.motions)) if self.later else None
 
     @cached_property
@@ -117,7 +117,10 @@ class FallbackFilter:
     def begun(
         self, fallback: CartesianFallback | None, fresh: Mask, state_of: Callable[[MotionModel], Gaussian]
     ) -> CartesianFallback | None:
-        """Return the fallback (None: empty); ``at_start`` adds those ``fresh`` tracks whose course is unknown."""
+        """Return the fallback (tracks by position and velocity; None: empty) with ``fresh`` tracks of unknown course.
+
+        New tracks enter only if ``at_start`` is True.
+        """
         if not self.at_start:
             return fallback
         cartesian = state_of(self._cartesian.motions[0])
@@ -127,7 +130,7 @@ class FallbackFilter:
     def predicted(
         self, fallback: CartesianFallback | None, elapsed: float, belief: AnyBelief, started: Mask
     ) -> CartesianFallback | None:
-        """Return the fallback predicted over ``elapsed``, with those tracks put into it that lose their course by then.
+        """Predict the fallback (tracks by position and velocity), and add tracks whose course becomes unknown.
 
         Args:
             fallback: fallback at the earlier time, if any.
@@ -160,7 +163,10 @@ class FallbackFilter:
         return united, fallback._replace(belief=unknown.belief)
 
     def returned(self, fallback: CartesianFallback, belief: AnyBelief) -> tuple[AnyBelief, CartesianFallback | None]:
-        """Return all beliefs in the tracker's state, and the fallback without tracks whose course is known again."""
+        """Return all beliefs in the tracker's state, and the fallback without tracks whose course is known again.
+
+        The fallback has the tracks followed by position and velocity alone; None if no track is left in it.
+        """
         is_unknown = fallback.where & ~course_known(Gaussian(fallback.belief.mean, fallback.belief.covariance))
         rest = fallback._replace(where=is_unknown) if np.any(is_unknown) else None
         return self._in_own_state(fallback, belief), rest
@@ -168,7 +174,7 @@ class FallbackFilter:
     def smoothed(
         self, fallback: CartesianFallback, elapsed: float, later: Gaussian, belief: AnyBelief
     ) -> tuple[AnyBelief, CartesianFallback]:
-        """Return all beliefs in the tracker's state, and the fallback, both smoothed.
+        """Return all beliefs in the tracker's state, and the fallback (tracks by position and velocity), both smoothed.
 
         Args:
             fallback: fallback of the filter.

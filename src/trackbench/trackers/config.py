@@ -326,7 +326,7 @@ def _unexpanded(sweep: object) -> Iterator[Problem]:
 
 
 def entry_kind(value: Any) -> str | None:
-    """Return the tag of a tracker's entry by its key ``filter`` or ``use``; None if it has neither or both."""
+    """Return the tag of a tracker's settings, ``<filter>`` or ``<use>``, by their key; None for both or no key."""
     if isinstance(value, FilterConfig | PluginConfig):
         return "<filter>" if isinstance(value, FilterConfig) else "<use>"
     kinds = [key for key in ("filter", "use") if isinstance(value, dict) and key in value]

@@ -199,7 +199,7 @@ class FilterTracker(BuiltInTracker):
 
     @property
     def guard(self) -> StepGuard | None:
-        """Guard that finds the tracks whose predicted belief must enter the fallback; None if no track may."""
+        """Test for tracks whose course gets lost, to be followed by position and velocity; None if not allowed."""
         return self.fallback.guard
 
     def advanced(self, state: TrackState, time: float) -> TrackState:
@@ -219,7 +219,7 @@ class FilterTracker(BuiltInTracker):
         return state if time <= state.time else self.advanced(state, time)
 
     def updated(self, state: TrackState, scan: Scan) -> tuple[Update[Any], CartesianFallback | None]:
-        """Return the update of all tracks with a scan at the state's time, and the tracks of unknown course."""
+        """Update all tracks with a scan at the state's time; return also the tracks of unknown course, None if none."""
         if state.fallback is None:
             # Placeholders alone do not justify compiling a kernel.
             filter = self.computed_filter if np.any(state.started) else self.filter
@@ -238,7 +238,7 @@ class FilterTracker(BuiltInTracker):
         return state._replace(belief=belief, started=state.started | fresh, waiting=begin.waiting, fallback=fallback)
 
     def estimate(self, state: TrackState) -> Estimate:
-        """Return the estimate of a state; before a track has started NaN, or at rest if so configured."""
+        """Return the estimate of a state; for a track not yet started NaN, or its latest measurement if configured."""
         started, fallback = state.started, state.fallback
         mean, covariance = self.computed_filter.cartesian(state.belief)
         if fallback is not None:
@@ -270,7 +270,7 @@ class FilterTracker(BuiltInTracker):
 
 @dataclass(frozen=True)
 class SmoothedTracker:
-    """Smoother that wraps a tracker: each estimate uses the later measurements too.
+    """Smoother that wraps a tracker: each estimate uses all measurements, earlier and later ones.
 
     Tracks start as in the wrapped tracker. Predictions between two used scans are smoothed by the later one.
     """

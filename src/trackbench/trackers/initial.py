@@ -159,7 +159,7 @@ def placeholder(motion: MotionModel, batch: tuple[int, ...]) -> Gaussian:
 
 
 def sigmas(config: InitialConfig) -> InitialSigmas:
-    """Return the assumed standard deviations of components that position and velocity do not determine."""
+    """Return the standard deviations assumed at a track's start for acceleration and yaw rate."""
     return InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
 
 

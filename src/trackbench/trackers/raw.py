@@ -25,7 +25,7 @@ class PositionFix(NamedTuple):
 
 
 class RawState(NamedTuple):
-    """Position fixes of each object at the latest two instants at which it was measured."""
+    """Measured positions of each object at the latest two instants at which the object was measured."""
 
     last: PositionFix
     before: PositionFix

@@ -128,13 +128,13 @@ def _errors(displacement: Array, velocity: Array, moving: Mask) -> Array:
 
 
 def by_euler(truth: Truth) -> Mask:
-    """Return whether a body moves with the velocity at a step's start, not with the step's mean, ``(objects,)``."""
+    """Return which bodies move over a step with its first velocity, not with its mean velocity, ``(objects,)``."""
     euler, trapezoid = _errors_by_rule(_displacement(truth), _velocity(truth), _is_present_over_step(truth.alive))
     return np.asarray(_median_errors(euler) <= _median_errors(trapezoid))
 
 
 def _errors_by_rule(displacement: Array, velocity: Array, moving: Mask) -> tuple[Array, Array]:
-    """Return errors by Euler's rule (highway-env's, but for its dynamic bicycle) and by the trapezoidal rule."""
+    """Return velocity errors, m/s, by Euler's rule (highway-env's, but for its dynamic bicycle) and the trapezoidal."""
     euler = np.hypot(*(displacement - velocity[:, :-1])).max(axis=-1)
     trapezoid = np.hypot(*(displacement - 0.5 * (velocity[:, :-1] + velocity[:, 1:]))).max(axis=-1)
     return np.where(moving, euler, np.nan), np.where(moving, trapezoid, np.nan)
@@ -147,7 +147,7 @@ def _median_errors(errors: Array) -> Array:
 
 
 def _jumps(displacement: Array, velocity: Array, moving: Mask, time: Array) -> Mask:
-    """Return whether neither velocity nor neighbouring steps explain a displacement, ``(steps - 1, objects)``.
+    """Return which displacements neither velocity nor neighbouring steps explain, ``(steps - 1, objects)``.
 
     A wrong velocity along a smooth path is not a jump, because the displacement continues smoothly.
     """

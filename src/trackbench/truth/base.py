@@ -20,7 +20,7 @@ MAX_SCENES = 1000
 
 
 def distinct(values: list[Any]) -> list[Any]:
-    """Return a list of which each value makes a scene; raise an error if a value is there twice."""
+    """Return the list ``values``, each of which makes a scene; raise an error if a value is in it twice."""
     for index, value in enumerate(values):
         if value in values[:index]:
             raise problem_error(f"{value} is there already; each makes a scene of its own")
@@ -98,7 +98,7 @@ class TruthSource(Config, ABC):
         Args:
             draw: seed, scenario and runs, by which random motion is drawn.
             folder: folder of the scenario, where relative paths start.
-            sensors: kind of each of the scenario's sensors, for which a recording may have measurements.
+            sensors: kind (radar, lidar and so on) of each sensor, by name; a recording can have measurements of it.
             cache: whether a simulated truth is read from and written to the cache.
             progress: called with the number of simulated steps and the number of all steps.
 
@@ -111,7 +111,7 @@ class TruthSource(Config, ABC):
 
         Args:
             folder: folder of the scenario, where relative paths start; the working directory if None.
-            sensors: kind of each of the scenario's sensors, for which a recording may have measurements.
+            sensors: kind (radar, lidar and so on) of each sensor, by name; a recording can have measurements of it.
 
         Returns:
             Remarks on the recording, as in ``LoadedTruth.notes``; None if the source has none.
@@ -150,7 +150,7 @@ class TruthSource(Config, ABC):
 
     @property
     def others_within_m(self) -> float | None:
-        """Distance, m, as given to ``with_all_objects``; None if the truth has only targets."""
+        """Distance from the observer, m, beyond which non-targets may be missing; None if there are only targets."""
         return self._others_within_m
 
     def with_hidden_identities(self) -> Self:
@@ -158,7 +158,7 @@ class TruthSource(Config, ABC):
         return self
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
-        """Return each sensor in ``kinds`` (its kind, by name) for which the source has recorded measurements."""
+        """Return the part of ``kinds`` (type of sensor by name) for which the source has recorded measurements."""
         return {}
 
 

@@ -110,7 +110,7 @@ def _motion(track: TrafficTrack) -> Motion:
 
 
 def _is_near_row(drive: Drive, truth: Truth) -> Mask:
-    """Return whether a time is near a row of the object, or between rows without a gap, ``(steps, objects)``."""
+    """Return which times are near a row of an object, or between rows without a gap, ``(steps, objects)``."""
     periods = [float(np.median(np.diff(motion.time))) for motion in drive.motions.values() if len(motion.time) > 1]
     result = np.zeros_like(truth.alive)
     for number, motion in enumerate(drive.motions.values()):

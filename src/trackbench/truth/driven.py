@@ -43,7 +43,7 @@ class DrivenTraffic:
         """``(steps,)`` times of the longest possible episode, s."""
 
     def step(self, action: Any) -> tuple[float, bool, bool]:
-        """Drive by ``action`` (as the environment's action space defines it) until the next decision.
+        """Drive the ego by ``action``, an element of the environment's action space, until the next decision.
 
         Returns:
             Reward of the environment, whether it has ended the episode, and whether its time limit has passed.

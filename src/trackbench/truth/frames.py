@@ -21,18 +21,18 @@ class Frames:
     """Motion of every vehicle at the start of each simulation step, ``(steps, bodies)``; NaN where absent."""
 
     dt: float
-    """Duration of a step, s."""
+    """Duration of one simulation step, s."""
     ids: tuple[str, ...]
     px: Array
     py: Array
     heading: Array
-    """Heading, rad, counter-clockwise from the fixed x axis."""
+    """Heading ``(steps, bodies)``, rad, counter-clockwise from the fixed x axis."""
     slip: Array
-    """Course minus heading during the step that starts here, rad."""
+    """Direction of motion minus heading ``(steps, bodies)``, during the step that begins at the instant, rad."""
     speed: Array
-    """Speed along the course, m/s; negative in reverse."""
+    """Speed ``(steps, bodies)`` along the direction of motion, m/s; negative in reverse."""
     collided: Mask
-    """Whether the body has collided before."""
+    """``(steps, bodies)`` whether each body has collided by the start of the step."""
     length: Array
     width: Array
 
@@ -80,7 +80,7 @@ class Frames:
 
 
 def fixed_observer(observer: FixedObserver, steps: int) -> Observer:
-    """Return an observer at a fixed point."""
+    """Return the observer at rest at the configured point, as arrays of ``steps`` equal instants."""
     at_rest = np.zeros(steps)
     yaw = np.deg2rad(observer.yaw_deg)
     return Observer(at_rest + observer.x, at_rest + observer.y, at_rest + yaw, at_rest, at_rest, at_rest)
@@ -95,7 +95,7 @@ def hold_nearest(values: Array, alive: Mask) -> Array:
 
 
 def rate(values: Array, dt: float, alive: Mask) -> Array:
-    """Return the rate of change over the step after each instant; a body's last instant repeats the previous rate.
+    """Return the rate of change over the step after each instant; a body's last instant repeats the rate before it.
 
     The simulator integrates by Euler's explicit rule: the rate at an instant acts until the next instant.
     """
@@ -177,7 +177,7 @@ OFTEN_S = 0.2
 
 
 def overlaps(frames: Frames, margin: float) -> Mask:
-    """Return whether the boxes of two bodies ever come nearer than ``margin`` m, ``(bodies, bodies)``.
+    """Return which pairs of bodies have boxes that ever come nearer than ``margin`` m, ``(bodies, bodies)``.
 
     With a negative margin the boxes must overlap by more than ``-margin``, both along and across.
     """

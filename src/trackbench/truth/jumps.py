@@ -19,12 +19,12 @@ AFTERMATH_S = 1.0
 
 
 def velocity_jumps(truth: Truth) -> Mask:
-    """Return whether the velocity changes by more than 20 m/s^2 in a step, ``(steps - 1, objects, runs or 1)``."""
+    """Return in which steps an object's velocity changes by over 20 m/s^2, ``(steps - 1, objects, runs or 1)``."""
     return np.asarray(_change(truth) > IMPOSSIBLE_MPS2 * np.diff(truth.time)[:, None, None])
 
 
 def after_jump(truth: Truth) -> Mask:
-    """Return whether the object's velocity has jumped within the last second, ``(steps, objects, runs or 1)``."""
+    """Return when an object's velocity has jumped within the last second, ``(steps, objects, runs or 1)``."""
     jumped = velocity_jumps(truth)
     time = truth.time[:, None, None]
     ends = np.where(jumped, time[1:], -np.inf)
@@ -35,7 +35,7 @@ def after_jump(truth: Truth) -> Mask:
 
 
 def summarised(truth: Truth) -> VelocityJumps:
-    """Return the number of velocity jumps, the largest one, and the peak acceleration."""
+    """Return the number of velocity jumps, the largest jump, and the peak acceleration, over all objects."""
     change = _change(truth)
     if not change.size:
         return VelocityJumps(limit_mps2=IMPOSSIBLE_MPS2)

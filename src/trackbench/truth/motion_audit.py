@@ -35,11 +35,11 @@ class MotionFigures(NamedTuple):
     """Largest change of the stated speed over a step, divided by the step's time."""
     recorded_vehicle: str
     recorded_speed_error_mps: float
-    """RMS over all steps of all vehicles: displacement over time minus stated speed."""
+    """RMS, over all steps of all vehicles, of the difference between the displacement's speed and the stated speed."""
     recorded_jumps: int
     """Number of instants at which the velocity by displacement changes by more than 40 m/s^2."""
     acceleration_mps2: float
-    """Largest acceleration after smoothing, if any."""
+    """Largest acceleration of any vehicle, after smoothing if positions are smoothed."""
     vehicle: str
     time_s: float
     impossible: int
@@ -67,7 +67,7 @@ def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float) -> Moti
 
 
 def _displacement_error(x: Array, y: Array, speed: Array, dt: float) -> Array:
-    """Return displacement over time minus mean stated speed, in each step, ``(steps - 1,)`` m/s."""
+    """Return in each step, ``(steps - 1,)`` m/s, the speed of the displacement minus the mean stated speed."""
     return np.asarray(np.hypot(np.diff(x) / dt, np.diff(y) / dt) - (speed[1:] + speed[:-1]) / 2)
 
 
@@ -81,7 +81,7 @@ def _slip(track: GridTrack, dt: float) -> float:
 
 
 def _speed_error(track: GridTrack, dt: float) -> float:
-    """Return the RMS of the stated speed minus displacement over time, m/s; 0 if no speed is stated."""
+    """Return the RMS difference of the stated speed and the displacement's speed, m/s; 0 if no speed is stated."""
     if track.track.speed is None:
         return 0.0
     return float(np.sqrt(np.mean(_displacement_error(track.x, track.y, np.abs(track.raw_speed), dt) ** 2)))

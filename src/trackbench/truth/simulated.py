@@ -85,6 +85,6 @@ def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> L
 
 
 def _determined(config: HighwayOptions) -> bool:
-    """Return whether the truth may be cached: a user's own driver class could change it unnoticed."""
+    """Return whether the truth can be cached: not with a user's own driver class, which could change unnoticed."""
     vehicles = config.config.get("other_vehicles_type", OWN_CLASSES)
     return str(vehicles).startswith(OWN_CLASSES)

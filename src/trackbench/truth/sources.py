@@ -48,7 +48,7 @@ class ScriptedTruth(ScriptedOptions):
 
 
 class _Recorded(TruthSource):
-    """Truth source that reads files."""
+    """Base of the truth sources that read their motion from files."""
 
     quick: ClassVar[bool] = True
 

@@ -63,7 +63,7 @@ class TrackRows:
     kind: Sequence[str] | None = None
     """``(rows,)`` class, such as car, in the file's own words."""
     dont_care: Mask | None = None
-    """``(rows,)`` True for don't-care boxes: no object, and a track on it is neither right nor false."""
+    """``(rows,)`` True for don't-care boxes, which are no objects: a track on such a box is neither right nor false."""
     scene: Sequence[str] | None = None
     """``(rows,)`` name of the scene in trackbench, for tracks made from exported scans."""
     run: Sequence[str] | None = None
@@ -84,7 +84,7 @@ class TrackRows:
         return self.vx, self.vy
 
     def require_possible(self, file: Path) -> None:
-        """Refuse rows with implausible values.
+        """Raise an error if the rows have implausible values.
 
         Raises:
             InputError: there is no row, or a name, a number or the duration is implausible.
@@ -105,7 +105,7 @@ class TrackRows:
             raise InputError(f"its last row is {jumps.why_too_long(length_s)}", file=file)
 
     def rows(self, numbers: Indices) -> Self:
-        """Return the rows with these indices, in their order."""
+        """Return the rows with the indices ``numbers``, in the order of ``numbers``."""
         columns: dict[str, Any] = {}
         for name in (item.name for item in fields(self)):
             value = getattr(self, name)
@@ -147,9 +147,9 @@ class TrafficTrack(NamedTuple):
     speed: Array | None = None
     """``(rows,)`` speed, m/s; None if the file has none: displacement over time is used."""
     length: float | None = None
-    """Length, m; None if the file has none."""
+    """Length of the body, m; None if the file has none."""
     width: float | None = None
-    """Width, m; None if the file has none."""
+    """Width of the body, m; None if the file has none."""
     kind: str = ""
     """Class, such as car, in the file's own words."""
     vx: Array | None = None
@@ -165,7 +165,7 @@ class TrafficFormat(Config, ABC):
     simultaneous: ClassVar[bool] = True
     """Whether the vehicles of a file drove at the same time."""
     from_sensor: ClassVar[bool] = False
-    """Whether positions are relative to the sensor, so that the observer stands at the origin."""
+    """Whether positions in the file are relative to the sensor, so that the observer stands at the origin."""
 
     def __hash__(self) -> int:
         return hash((type(self), self.model_dump_json()))

@@ -45,7 +45,7 @@ class RecordedVehicles(NamedTuple):
     figures: MotionFigures
     error: RecordedNoise
     vehicles: int
-    """Number of vehicles in the whole file."""
+    """Number of vehicles in the whole file, inside and outside the time window."""
     start: float
     """Reading of the file's clock at the first instant, s."""
 
@@ -208,7 +208,7 @@ def _during(frames: Frames, first: int, last: int) -> Frames:
 
 
 def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Truth) -> None:
-    """Raise an error if ``truth`` shares a vehicle with ``other``, the truth of the earlier scene ``number``."""
+    """Raise an error if a vehicle is in both ``truth`` and ``other``, the truth of the earlier scene ``number``."""
     names = config.vehicles
     shared = {*truth.ids, names[config.scene]} & {*other.ids, names[number]}
     if shared:

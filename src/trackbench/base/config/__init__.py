@@ -74,7 +74,7 @@ def shape(value: Any) -> str | None:
 
 
 def number_or_list(value: Any) -> str | None:
-    """Return the tag of a number or a list; text counts as a number, so that the message asks for a number."""
+    """Return the tag of a number or a list, else None; text counts as a number, so that a message asks for a number."""
     if isinstance(value, list):
         return LIST
     return NUMBER if isinstance(value, int | float | str) and not isinstance(value, bool) else None

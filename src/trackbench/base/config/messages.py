@@ -1,4 +1,4 @@
-"""Messages about an invalid configuration."""
+"""Wording of the messages about an invalid configuration: what is wrong, and the nearest valid choice."""
 
 from __future__ import annotations
 

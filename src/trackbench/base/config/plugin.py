@@ -66,7 +66,8 @@ class Plugin(PluginName):
     """
 
     key: str
-    """Key of the mapping whose value names the class, such as ``type``; a field of the class, or no option at all."""
+    """Key of the mapping whose value names the class, such as ``type``. The class gets the value only if it has a field
+    of this name."""
     word: bool = False
     """Whether a single word may stand for the mapping ``{key: word}``."""
     options: str = ""
@@ -192,7 +193,7 @@ class OptionsBeside(Config):
 
 
 def plugin_field(model: type[Config]) -> tuple[str, Plugin]:
-    """Return the name and the mark of the field of a class that a single word fills with a plug-in."""
+    """Return the name of the field of ``model`` that a single word fills with a plug-in, and the field's mark."""
     for name, field in model.model_fields.items():
         members = (getattr(member, "__metadata__", ()) for member in get_args(field.annotation))
         for mark in chain(field.metadata, *members):

@@ -72,7 +72,7 @@ class MotionModel(Config, ABC):
     """Whether the results of all methods depend on their arguments and the options alone, so that the fused engine may
     compile them. A subclass must state this anew."""
     first_sigmas: ClassVar[Mapping[str, float]] = {}
-    """Standard deviations at a track's start of the components for which scenarios have no key. They have keys for
+    """Standard deviations at a track's start of the components for which scenarios have no key. Scenarios have keys for
     positions, velocities, accelerations (px, py, vx, vy, v, ax, ay, a), yaw and yaw_rate."""
 
     @property

@@ -32,13 +32,13 @@ class _UnitStep(NamedTuple):
     """Singer's model over a step of 1, for a ratio b of the step to the time constant and a noise density of 1."""
 
     to_a: Array
-    """Acceleration after the step, for an acceleration of 1 before the step."""
+    """Acceleration ``(...)`` after the step, for an acceleration of 1 before the step."""
     to_v: Array
-    """Change of the velocity over the step, for an acceleration of 1 before the step."""
+    """Change ``(...)`` of the velocity during the step, for an acceleration of 1 before the step."""
     to_p: Array
-    """Change of the position over the step, for an acceleration of 1 before the step."""
+    """Change ``(...)`` of the position during the step, for an acceleration of 1 before the step."""
     velocity: Array
-    """Variance that the noise adds to the velocity over the step."""
+    """Variance ``(...)`` that the noise adds to the velocity during the step."""
     position_acceleration: Array
     position: Array
 

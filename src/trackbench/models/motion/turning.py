@@ -67,7 +67,7 @@ class Arc(NamedTuple):
     dx: Array
     dy: Array
     cos: Array
-    """Cosine of the yaw half way along the path."""
+    """Cosine ``(...)`` of the yaw half way along each path."""
     sin: Array
 
 

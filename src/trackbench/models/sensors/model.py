@@ -1,4 +1,4 @@
-"""Options and equations of a sensor."""
+"""Base class of sensors: their options in a scenario, and the equations of their measurements."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class SensorModel(Config, ABC):
     """Whether the results of the class methods depend on their arguments alone, so that the fused engine may compile
     them. A subclass must state this anew."""
     unused: ClassVar[tuple[str, ...]] = ()
-    """Options that a preset may set although this class does not use them."""
+    """Options that this class does not use, and that a preset of values is nevertheless allowed to set."""
 
     type: str = Field("", description="Type of the sensor.")
     preset: str | None = Field(

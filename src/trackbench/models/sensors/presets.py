@@ -26,7 +26,7 @@ class Preset:
     title: str
     """Maker and name of the sensor."""
     source: str
-    """Document with the published figures."""
+    """Title or address of the document in which the maker published the figures."""
     values: Mapping[str, Any]
     """Values that the preset sets for keys of the sensor's configuration."""
     assumed: Mapping[str, str]
@@ -62,7 +62,7 @@ WORDS = ("ideal", "typical")
 
 
 class Words:
-    """Mark of a configuration field with a list of effects, which a word such as "typical" may replace."""
+    """Mark of a configuration field whose value is a list of effects, or a word for a list, such as "typical"."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(_require_word, handler(source))

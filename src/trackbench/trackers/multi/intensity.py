@@ -23,7 +23,7 @@ UNLIMITED_RANGE = 200.0
 
 
 class View(NamedTuple):
-    """Field of view of a sensor at its latest scan."""
+    """Field of view of a sensor at its latest scan, with the number of undetected objects expected in it."""
 
     field: FieldOfView
     pose: Array

@@ -84,7 +84,10 @@ class TrackLogic:
         return evidence
 
     def after_time(self, evidence: Array, elapsed: float) -> Array:
-        """Return the evidence ``elapsed`` seconds later, for a method with existence probabilities."""
+        """Return the evidence ``(6, L)`` on existence ``elapsed`` seconds later, before the next scan.
+
+        Only a method with existence probabilities needs this.
+        """
         rate, later = self.hides + 1.0 / HIDDEN_S, evidence.copy()
         limit = 1.0 / HIDDEN_S / rate
         later[EXISTS] = evidence[EXISTS] * np.exp(-elapsed / self.lifetime_s)
@@ -92,7 +95,7 @@ class TrackLogic:
         return later
 
     def after_scan(self, evidence: Array, judged: ScanEvidence) -> Array:
-        """Return the evidence of each track after what a scan says on it."""
+        """Return the evidence ``(6, L)`` on the existence of each track's object, updated with that of a scan."""
         existence = evidence[:DETECTIONS] if judged.existence is None else judged.existence
         counts = evidence[DETECTIONS] + judged.hit, evidence[SCANS] + judged.in_view
         scores = evidence[SCORE], evidence[LARGEST_SCORE]
@@ -110,7 +113,7 @@ class TrackLogic:
         return np.asarray(evidence[DETECTIONS] >= self.rule[0])
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        """Return a mask ``(L,)`` of the tracks that end."""
+        """Return a mask ``(L,)`` of the tracks that the rule deletes for want of evidence."""
         is_ending: Mask = evidence[EXISTS] < (self.deleting if self.has_existence else 0.0)
         if self.rule == "score":
             is_ending = is_ending | (evidence[SCORE] <= evidence[LARGEST_SCORE] - SCORE_DROP)
@@ -162,7 +165,7 @@ class TrackManager:
         return empty(self.filter.filter, len(self.logic.first_evidence(0, None)))
 
     def after_scan(self, before: TrackTable, result: Association, inputs: AssociationInput) -> tuple[TrackTable, Mask]:
-        """Return the tracks after the scan, and a mask of those that end with it."""
+        """Return the tracks after the association of a scan, and a mask ``(L,)`` of those that end at this scan."""
         hit, confirmed, scan = result.detection != NONE, before.id != NONE, inputs.detections.scan
         values = {
             "evidence": before.evidence,

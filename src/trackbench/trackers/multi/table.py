@@ -48,7 +48,7 @@ class TrackTable(NamedTuple):
     """Number ``(L,)`` of the object that started each track, known to the oracle association only; else -1."""
 
     def select(self, which: Mask | Indices) -> TrackTable:
-        """Return the tracks that ``which`` selects, as a mask or as indices."""
+        """Return the tracks that ``which`` selects, a mask ``(L,)`` or indices."""
         index = which.nonzero()[0] if which.dtype == bool else which
         run, id, belief, *rest = self
         parts = map(methodcaller("take", index, -1), (run, id, *rest))
@@ -67,7 +67,7 @@ def empty(filter: Filter[Any], evidence: int) -> TrackTable:
 
 
 def with_new_tracks(table: TrackTable, is_kept: Mask, new: TrackTable | None) -> TrackTable:
-    """Return the tracks for which ``is_kept`` ``(L,)`` is True, followed by the ``new`` ones."""
+    """Return the tracks for which ``is_kept`` ``(L,)`` is True, followed by the tracks ``new``; None adds none."""
     table = table if is_kept.all() else table.select(is_kept)
     if new is None:
         return table
@@ -78,7 +78,7 @@ def with_new_tracks(table: TrackTable, is_kept: Mask, new: TrackTable | None) ->
 
 
 def sorted_by_run(which: Indices, run: Indices) -> Indices:
-    """Return track indices sorted by run, in unchanged order within a run; ``run`` is the run of every track."""
+    """Sort the track indices ``which`` by run, in unchanged order within a run; ``run`` is the run of every track."""
     selected_run = run.take(which)
     return which if (selected_run[1:] >= selected_run[:-1]).all() else which[selected_run.argsort(kind="stable")]
 
@@ -205,7 +205,7 @@ def first_beliefs(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> An
 
 
 def predicted_tracks(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTracks:
-    """Return tracks whose beliefs are at the time of a scan, with their predicted measurements."""
+    """Predict the measurements of tracks whose beliefs are already at the time of a scan; return both."""
     in_view = in_field_of_view(filter.cartesian(belief).mean[:2], scan)
     return PredictedTracks(belief, filter.predict_measurement(belief, scan), in_view)
 

@@ -190,7 +190,7 @@ def _single_run(tracks: Tracks) -> Tracks:
 
 
 def build_multi(config: FilterConfig) -> LateScans:
-    """Return the multi-object tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
+    """Return the multi-object tracker that a scenario's settings ``filter:`` and ``associate:`` describe."""
     assert config.associate is not None
     tracker = MultiObjectTracker(filter_of(config), config.initial, associate=config.associate, **config.scan_options)
     return LateScans(tracker, config.late, config.lag_s)

@@ -35,7 +35,7 @@ VELOCITY = ((), ("vx", "vy"), ("speed", "course"))
 
 
 class Column(NamedTuple):
-    """Column of a table."""
+    """Column of a table file: its name, and how its cells are converted to SI units."""
 
     name: str
     quantity: str | None = None
@@ -71,7 +71,7 @@ class MotionColumns(Config):
 
     @property
     def stated(self) -> dict[str, Column]:
-        """Given columns by key, without the time."""
+        """Columns that the scenario states, by key, except the column of the time."""
         return {
             key: stated_column(value, quantity)
             for key, value in self

@@ -63,7 +63,7 @@ def find_log(path: Paths, folder: Path, key: str) -> Path:
 
 
 def log_names(paths: Sequence[str]) -> list[str]:
-    """Return a distinct name for each log: the part of its path that differs from the others, without ending."""
+    """Return a distinct name for each log: the part of its path in which the logs' paths differ, without ending."""
     parts = [Path(path).with_suffix("").parts for path in paths]
     first, last = _common_parts(parts), _common_parts([part[::-1] for part in parts])
     names = ["/".join(part[first : len(part) - last]) for part in parts]

@@ -62,7 +62,7 @@ class ReferenceTruth(TruthSource):
 
     @property
     def number_of_logs(self) -> int:
-        """Number of recordings; each is a scene."""
+        """Number of recorded drives (logs), each of which is a scene."""
         return 1
 
     @property
@@ -107,7 +107,7 @@ class RecordingOptions(ReferenceTruth):
         return self._with(_hidden=True)
 
     def every_second(self, first: int) -> Self:
-        """Return the recording with every second log, or stretch over all logs if these are cut, from ``first``."""
+        """Return the recording with every second log from index ``first``, or every second stretch if logs are cut."""
         return self._with(_every=slice(first, None, 2))
 
     @property
@@ -158,7 +158,7 @@ class RecordingOptions(ReferenceTruth):
                 yield Problem(key, f"{counted(count, 'file')}, where there must be {needed}")
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
-        """Return each sensor in ``kinds`` (its kind, by name) for which the files have measurements."""
+        """Return the part of ``kinds`` (type of sensor by name) for which the files have measurements."""
         if self.format == "udacity":
             return {name: kind for name, kind in kinds.items() if sensor_type(kind) in ("lidar", "radar")}
         return {name: kind for name, kind in kinds.items() if name in self.measurements}

@@ -106,13 +106,13 @@ class TrafficOptions(TruthSource, OptionsBeside):
 
     @property
     def recording(self) -> Self:
-        """Copy with what the scenes of a recording have in common."""
+        """Copy of the options without those in which scenes of a recording differ: observer, targets, scene number."""
         common = self.model_copy(update={"observer": FixedObserver(), "targets": "all"})
         return common._with(_scene=0, _others_within_m=None)
 
     @property
     def scene(self) -> int:
-        """Number of this scene, from 0."""
+        """Number, from 0, of the scene that these options describe."""
         return self._scene
 
     @property
@@ -191,7 +191,7 @@ class TracksConfig(OptionsBeside):
 
     @property
     def sensors_used(self) -> list[str]:
-        """Names of the scenario's sensors that the tracker uses: an empty list."""
+        """Names of the scenario's sensors that the tracker uses: none, since another program made the tracks."""
         return []
 
 
@@ -214,7 +214,7 @@ def read_tracks(config: TracksConfig, name: str, folder: Path) -> list[TrackRows
     """Return the rows of each of a tracker's files, sorted by time.
 
     Args:
-        config: the tracker's entry in the scenario.
+        config: the tracker's settings in the scenario.
         name: name of the tracker.
         folder: folder of the scenario, where a relative path starts.
 

@@ -33,7 +33,7 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
 
     Args:
         config: the scenario's ``truth``.
-        kinds: kind of each of the scenario's sensors, by name.
+        kinds: kind (radar, lidar and so on) of each of the scenario's sensors, by name.
         folder: folder where relative paths start.
 
     Raises:

@@ -22,24 +22,24 @@ class Motion(NamedTuple):
     """Recorded motion of one body, arrays ``(rows,)``, at strictly increasing times."""
 
     time: Array
-    """Time from the truth's first instant, s."""
+    """``(rows,)`` time of each row from the truth's first instant, s."""
     px: Array
     py: Array
     vx: Array
     vy: Array
     heading: Array | None = None
-    """Heading, rad; None if not stated: the direction of motion is used."""
+    """``(rows,)`` heading, rad; None if not stated: the direction of motion is used."""
     yaw_rate: Array | None = None
-    """Yaw rate, rad/s; None if not stated: the rate of change of the heading is used."""
+    """``(rows,)`` yaw rate, rad/s; None if not stated: the rate of change of the heading is used."""
     length: Array | None = None
-    """Length, m; None if not stated."""
+    """``(rows,)`` length of the body, m; None if not stated."""
     width: Array | None = None
-    """Width, m; None if not stated."""
+    """``(rows,)`` width of the body, m; None if not stated."""
 
 
 @dataclass(frozen=True)
 class RowOrder:
-    """How far the rows of a file were out of order or repeated, before they were sorted."""
+    """Extent to which the rows of a file were out of order or repeated, before they were sorted."""
 
     rows: int
     backwards: int
@@ -88,24 +88,24 @@ class Scans(NamedTuple):
 
 @dataclass(frozen=True)
 class Drive:
-    """Content of a recording's files."""
+    """Content of a recording's files: motion of objects and observer, measurements, don't-care boxes."""
 
     motions: dict[str, Motion]
     """Motion of each object, by name."""
     order: RowOrder
-    """Disorder and repetitions found in the truth's rows."""
+    """Counts of rows of the truth that were out of order or repeated."""
     observer: Motion | None
     """Motion of the observer; None for a fixed point."""
     logs: dict[str, Log]
     """Measurements with known objects, by name of the sensor."""
     source: dict[str, Any]
-    """Names and numbers of rows of the files, for the result."""
+    """Name of each file and its number of rows, stored in the result."""
     detections: dict[str, Scans] = field(default_factory=dict)
     """Scans whose detections have no known objects, by name of the sensor."""
     frames: Array = field(default_factory=lambda: np.zeros(0))
     """``(frames,)`` all times of the truth's rows, s; sorted."""
     boxes: Array = field(default_factory=lambda: np.zeros((6, 0)))
-    """``(6, boxes)`` don't-care boxes: time, x, y, heading, half length and half width of each."""
+    """``(6, boxes)`` don't-care boxes, where nothing is scored: time, x, y, heading, half length and half width."""
     kinds: dict[str, str] = field(default_factory=dict)
     """Class of each object, by name; empty if classes are not read."""
 
@@ -128,7 +128,7 @@ class Drive:
         return max(float(m.time[0]) for m in bodies), min(float(m.time[-1]) for m in bodies)
 
     def inside(self, log: Log) -> Log:
-        """Return the detections of a log made while their object's and the observer's motion are known."""
+        """Return the detections of ``log`` made while the motion of their object and of the observer is known."""
         spans = np.array([self.span(number) for number in range(len(self.motions))])
         is_inside = (log.time >= spans[log.object, 0]) & (log.time <= spans[log.object, 1])
         first, last = spans[:, 0].min(), spans[:, 1].max()
@@ -316,7 +316,7 @@ def _between(time: Array, first: float, last: float) -> Array:
 
 
 def _require_half(inside: Array, time: Array, ends: tuple[float, float], what: str, key: str) -> None:
-    """Raise an error if ``inside``, the times within ``ends``, are fewer than half of ``time``: a wrong unit?"""
+    """Raise an error if ``inside``, the times within ``ends``, are under half of ``time``; hint at a wrong unit."""
     if len(inside) and 2 * len(inside) >= len(time):
         return
     span, when = (f"from {a:.12g} to {b:.12g} s" for a, b in np.round([[time.min(), time.max()], ends], 2))

@@ -23,7 +23,7 @@ def moved_ahead(motion: Motion, heading: Array, ahead: Array | float) -> Motion:
 
 
 def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
-    """Return the truth, marked with the objects and regions that are scored, gaps between rows, and noise."""
+    """Return the truth, marked with the objects and regions that are scored, gaps between rows, and its noise."""
     kinds = drive.kinds
     alive = truth.alive.copy()
     for number, motion in enumerate(drive.motions.values()):

@@ -49,7 +49,7 @@ class TimeColumn(NamedTuple):
 
 
 class Labels(NamedTuple):
-    """Names in a column, each stored once."""
+    """Column of names in a table: its distinct names, and for each row the index of its name."""
 
     names: list[str]
     """Distinct names, in the order of their first rows."""
@@ -71,7 +71,7 @@ class Rows:
     line: Callable[[int], int] | None = None
     """Function from a row's index in the file to its line; None for a file without lines."""
     places: Indices | None = None
-    """``(rows,)`` index of each row in the file; None if all rows of the file are here."""
+    """``(rows,)`` index of each row in the file; None if no row of the file has been left out."""
 
     def __len__(self) -> int:
         return int(self.table.num_rows)
@@ -184,7 +184,7 @@ class Rows:
             return np.array([stated_number(cell) for cell in cells.to_pylist()])
 
     def _unknown(self, column: str) -> Mask:
-        """Return ``(rows,)`` whether a cell is empty or "nan", as programs write unknown values."""
+        """Return a mask ``(rows,)`` of the cells that are empty or "nan", as programs write unknown values."""
         unknown = pc.is_in(pc.utf8_lower(self._as_text(column)), pa.array(["", "nan"]))
         return np.asarray(unknown.to_numpy(), dtype=bool)
 

@@ -121,8 +121,8 @@ def _wanted(entry: MeasurementColumns, time: str, owner: str | None, sensor: typ
 
     Args:
         entry: columns of the measurements.
-        time: column of the time, unless the entry has its own.
-        owner: column of the object, unless the entry has its own.
+        time: column of the time, unless ``entry`` names another.
+        owner: column of the object, unless ``entry`` names another.
         sensor: model of the sensor.
     """
     components = entry.columns(sensor.components, sensor.units).values()

@@ -21,7 +21,7 @@ from trackbench.truth.recorded.rows import Rows, plain_column
 
 
 def log_text(file: Path) -> str:
-    """Return the text of a file in UTF-8.
+    """Return the text of a log in UTF-8, which must not be empty.
 
     Raises:
         InputError: the file cannot be read, is empty or is not UTF-8.

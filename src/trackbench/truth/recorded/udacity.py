@@ -39,13 +39,13 @@ class Measurement(NamedTuple):
     measurement: tuple[float, ...]
     """x and y, m, of a lidar; range m, azimuth rad (not wrapped) and range rate m/s of a radar."""
     stamp: int
-    """Time stamp, us."""
+    """Time stamp of the measurement, in microseconds."""
     truth: tuple[float, float, float, float]
-    """True px, py m, vx, vy m/s."""
+    """True px, py, m, and vx, vy, m/s, of the object at the measurement's time."""
     yaw: float | None = None
-    """True yaw, rad; None in older files."""
+    """True yaw of the object, rad; None in older files, which do not state it."""
     yaw_rate: float | None = None
-    """True yaw rate, rad/s; None in older files."""
+    """True yaw rate of the object, rad/s; None in older files, which do not state it."""
 
 
 def parse_line(text: str) -> Measurement:
