@@ -71,7 +71,7 @@ class Subject:
     :class:`FieldBlock`."""
     examiners: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a scenario and a tracker's name, and return a sentence about a fault of the tracker, or None.
-    The keys of this mapping have no meaning."""
+    Here and in the mappings of functions below, keys only tell the functions apart, unless their meaning is stated."""
     metrics: Mapping[str, str] = field(default_factory=dict)
     """Functions that return the metrics of a run, by the scenario's top-level key that they belong to. Arguments are
     the value of the key, and whether identities are hidden."""
