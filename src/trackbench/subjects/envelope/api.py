@@ -1,4 +1,4 @@
-"""The call ``trackbench.envelope``, and the steps that it shares with the command."""
+"""The Python call ``trackbench.envelope``, and the steps that it shares with the command ``trackbench envelope``."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ from trackbench.subjects.envelope.task import EnvelopeTask, task_of
 
 @dataclass(frozen=True)
 class EnvelopePlan:
-    """Settings of how a map is computed, which do not change its cells' runs."""
+    """Settings of how a map is computed (isolation, engine, storage), which do not change the measurements."""
 
     isolation: Isolation = ISOLATED
     engine: EngineName = "auto"
     store: Path | None = None
-    """Folder that keeps the runs until the map is written; None keeps nothing."""
+    """Folder that stores finished runs, so that an interrupted map can go on; None stores nothing."""
     counter_examples: int | None = None
-    """Largest number of counter-examples of a tracker; None for twice the number of axes."""
+    """Largest number of counter-examples (nearest failing cells) of a tracker; None for twice the number of axes."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)
 
 
 def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: Listener) -> Envelope:
-    """Make the map of a scenario's ``envelope:`` block, and its counter-examples.
+    """Compute the map of a scenario's ``envelope:`` block, and its counter-examples: the nearest failing cells.
 
     Raises:
         InputError: the scenario is invalid, as it is written or at a cell of the map.
@@ -74,7 +74,7 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
 
 
 def envelope_of(envelope_map: EnvelopeMap, command: str) -> Envelope:
-    """Return the claim of a finished map, with what each run or scene adds to each value."""
+    """Return the claim of a finished map (its cells and their states), with each run's or scene's contribution."""
     task, rows = envelope_map.task, []
     cells = [*envelope_map.cells.values()]
     for number, cell in enumerate(cells):
@@ -137,7 +137,7 @@ def _value(item: CellDecision | None) -> CellValue:
 
 
 def map_signature(task: EnvelopeTask, plan: EnvelopePlan) -> str:
-    """Return a hash of all that determines the runs of a map; files of stored runs are named by it."""
+    """Return a hash of all that determines the runs of a map; the names of the files of stored runs contain it."""
     loaded = task.loaded
     settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], hashes_of(loaded), plan.engine, versions()]
     return hashlib.sha256(json.dumps(settings).encode()).hexdigest()
@@ -188,12 +188,12 @@ class FinishedEnvelope:
 
     @property
     def claim(self) -> Claim:
-        """Cells of the map with their states, and what is needed to repeat them."""
+        """Cells of the map with their states (holds, fails or undecided), and the settings that repeat them."""
         return self.envelope.claim
 
     @property
     def margins(self) -> list[AxisMargin]:
-        """Borders of each tracker's requirement along each axis, on the line through the scenario."""
+        """Axis values at which a tracker's requirements cease to hold, on lines of cells near the scenario."""
         return [margin for tracker in self.claim.trackers for margin in margins(self.claim, tracker)]
 
     def json(self) -> dict[str, Any]:
@@ -208,7 +208,7 @@ class FinishedEnvelope:
         return Report(envelope_document(self.envelope))
 
     def save(self, out: Path | str, recording: bool = True) -> Path:
-        """Write the folder of the envelope; return its path.
+        """Write the folder of the envelope (claim, values of runs, pages, counter-examples); return its path.
 
         Args:
             out: folder in which the envelope's folder is made.

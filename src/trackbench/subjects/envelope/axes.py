@@ -1,4 +1,4 @@
-"""Axes of a map: the values that the map starts from, distances, and the scenario's keys that a value sets."""
+"""Axes of an envelope map: their starting values, distances between values, and the scenario keys that a value sets."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ Point = tuple[Value, ...]
 
 @dataclass(frozen=True)
 class MapAxis:
-    """Axis of a map: its name, its values, and distances between them."""
+    """Axis of an envelope map, such as a sensor's range noise: its name, its values, and distances between values."""
 
     name: str
     config: Axis
 
     @property
     def continuous(self) -> bool:
-        """Whether the map may have cells between two values of the axis."""
+        """Whether cells can be added between two starting values of the axis."""
         return self.config.continuous
 
     @property
     def ordered(self) -> bool:
-        """Whether the values are numbers, and not choices."""
+        """Whether the values of the axis are numbers; False for named choices."""
         return self.config.form != "choices"
 
     @property
@@ -48,7 +48,7 @@ class MapAxis:
 
     @cached_property
     def values(self) -> tuple[Value, ...]:
-        """Values from which the map starts."""
+        """Values of the axis at which the first cells of the map lie, before cells are added between them."""
         config = self.config
         if config.form == "choices":
             return tuple(str(choice) for choice in config.choices)
@@ -58,7 +58,7 @@ class MapAxis:
 
     @cached_property
     def ends(self) -> tuple[float, float]:
-        """Least and largest value of an axis of numbers."""
+        """Smallest and largest value of a numeric axis."""
         if self.continuous:
             return float(self.config.low or 0.0), float(self.config.high or 0.0)
         numbers = [float(value) for value in self.values]
@@ -66,38 +66,38 @@ class MapAxis:
 
     @property
     def links(self) -> Mapping[str, Linked]:
-        """Keys of the scenario that an axis of numbers changes, each with its factor and offset."""
+        """Scenario keys that a numeric axis sets, each with the factor and offset of the axis value."""
         if self.config.key is not None:
             return {self.config.key: Linked()}
         return {key: link for key, link in self.config.keys.items() if link.factor}
 
     def nearest(self, value: Value | None) -> Value:
-        """Return the value within the ends that is nearest to ``value``; the middle of the axis for None."""
+        """Return the nearest value between the ends of the axis; a choice as it is; the middle of the axis for None."""
         if value is None:
             return self.values[len(self.values) // 2]
         return value if isinstance(value, str) else min(max(value, self.ends[0]), self.ends[1])
 
     def takes(self, value: Value) -> bool:
-        """Return whether a value may be a coordinate of a cell."""
+        """Return whether a value of the axis is valid as the coordinate of a cell."""
         return self.reaches(value) if self.continuous else value in self.values
 
     def reaches(self, value: Value | None) -> bool:
-        """Return whether a value is a number between the ends."""
+        """Return whether a value is a number between the ends of the axis."""
         return isinstance(value, float | int) and self.ends[0] <= value <= self.ends[1]
 
     def exactly_at(self, share: Any) -> Any:
-        """Return the values at shares (0 to 1, a number or an array) of an axis of numbers."""
+        """Return the unrounded values of a numeric axis at positions along it, 0 to 1, a number or an array."""
         low, high = self.ends
         return low * (high / low) ** share if self.config.scale == "log" else low + share * (high - low)
 
     def at(self, share: float) -> float:
-        """Return the value at a share (0 to 1) of an axis of numbers, rounded to about six digits."""
+        """Return the value of a numeric axis at a position along it, 0 to 1, rounded to about six digits."""
         value, (low, high) = float(self.exactly_at(share)), self.ends
         digits = 5 - math.floor(math.log10(high - low if self.config.scale == "linear" else value))
         return round(value, digits)
 
     def share(self, value: Value) -> float:
-        """Return the position of a value between the ends, 0 to 1; choices are equally spaced."""
+        """Return the position of a value between the ends of the axis, 0 to 1; choices are equally spaced."""
         if not self.ordered or isinstance(value, str):
             return self.values.index(value) / max(1, len(self.values) - 1)
         low, high = self.ends
@@ -106,7 +106,7 @@ class MapAxis:
         return (value - low) / (high - low)
 
     def distance(self, a: Value, b: Value) -> float:
-        """Return the distance of two numbers as a share of the range; 0 or 1 for choices."""
+        """Return the distance between two numbers as a share of the axis, 0 to 1; for choices 0 if equal, else 1."""
         return float(a != b) if isinstance(a, str) else abs(self.share(a) - self.share(b))
 
     def changes(self, value: Value) -> dict[str, Any]:
@@ -122,7 +122,7 @@ class MapAxis:
         return {key: _int_if_whole(link.offset + link.factor * number) for key, link in links.items()}
 
     def shown(self, value: Value) -> str:
-        """Return a value with its unit as text."""
+        """Return a value of the axis with its unit as text: "0.5 deg"."""
         return value if isinstance(value, str) else f"{value:.4g} {self.unit}".strip()
 
 
@@ -132,7 +132,7 @@ def axes_of(config: EnvelopeConfig) -> tuple[MapAxis, ...]:
 
 
 def overrides(axes: Sequence[MapAxis], point: Point) -> list[str]:
-    """Return the changes of the scenario at a point, as ``key.path=value``."""
+    """Return the changes of the scenario at a point (a value for each axis), as ``key.path=value``."""
     changed: dict[str, Any] = {}
     for axis, value in zip(axes, point, strict=True):
         changed |= axis.changes(value)
@@ -140,9 +140,9 @@ def overrides(axes: Sequence[MapAxis], point: Point) -> list[str]:
 
 
 def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, base: Sequence[Value | None]) -> list[Point]:
-    """Return the points from which the map starts, at most ``config.cells``.
+    """Return the points of the first cells of a map, at most ``config.cells``.
 
-    They are every combination of the levels, and the scenario's own point ``base`` if it lies on the map.
+    They are every combination of the axes' starting values, and the scenario's own point ``base`` if the map covers it.
     """
     points = list(product(*(axis.values for axis in axes)))
     inside = [value for axis, value in zip(axes, base, strict=True) if value is not None and axis.takes(value)]
@@ -151,12 +151,12 @@ def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, base: Sequence
 
 
 def point_distance(axes: Sequence[MapAxis], a: Point, b: Point) -> float:
-    """Return the Euclidean distance of two points, with each axis scaled to the range 0 to 1."""
+    """Return the Euclidean distance between two points, with each axis scaled to the range 0 to 1."""
     return math.hypot(*(axis.distance(x, y) for axis, x, y in zip(axes, a, b, strict=True)))
 
 
 def halfway_point(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> Point | None:
-    """Return the point half way between two; None where no axis has room for one, or they are within ``resolution``."""
+    """Return the point half way between points; None if they are within ``resolution``, or no value lies between."""
     middle: list[Value] = []
     for axis, x, y in zip(axes, a, b, strict=True):
         if x == y:

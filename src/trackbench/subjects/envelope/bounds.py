@@ -43,7 +43,7 @@ class Sample(NamedTuple):
 
     @classmethod
     def of(cls, interval: Interval) -> Sample:
-        """Return the statistics of an interval's value."""
+        """Return the mean, standard error and skewness of the runs or scenes from which an interval was computed."""
         influence = interval.corrected - interval.corrected.mean()
         variance = float((influence**2).mean())
         third = float((influence**3).mean()) / variance**1.5 if variance > 0 else 0.0
@@ -52,7 +52,7 @@ class Sample(NamedTuple):
 
     @property
     def mirrored(self) -> Sample:
-        """Statistics of the negated values."""
+        """Statistics of the values with opposite sign."""
         return self._replace(mean=-self.mean, skewness=-self.skewness)
 
     def scaled(self, offset: float, factor: float) -> Sample:
@@ -60,10 +60,10 @@ class Sample(NamedTuple):
         return self._replace(mean=(self.mean - offset) * factor, error=self.error * abs(factor))
 
     def above(self, level: float, skewness: Array, unseen: Array | float) -> Array:
-        """Return the largest amount by which the true mean may exceed the sample's mean, at a one-sided level.
+        """Return the upper bound of the true mean minus the sample's mean, at a one-sided error probability.
 
         Student's t with the correction for skewness of Johnson (1978), "Modified t tests and confidence intervals for
-        asymmetrical populations". A term for unseen runs is added: after ``number`` runs, a kind of run never drawn may
+        asymmetrical populations". A term for unseen runs is added: after ``number`` runs, a kind of run never seen may
         still make up ``-log(level) / number`` of all.
 
         Args:
@@ -77,7 +77,7 @@ class Sample(NamedTuple):
 
 
 def bound(interval: Interval, level: float, side: Side) -> float | None:
-    """Return a bound that misses the true value with a probability of at most ``level``; None where none is calibrated.
+    """Return a one-sided bound that is wrong with probability ``level`` at most; None where no bound is calibrated.
 
     Runs and scenes of weight 0, such as those without an event, are left out.
 
@@ -106,7 +106,7 @@ def bound(interval: Interval, level: float, side: Side) -> float | None:
 
 
 def unbounded(interval: Interval) -> str:
-    """Return the reason why there is no bound; empty where there is one."""
+    """Return the reason why the value of an interval has no one-sided bound; empty where it has a bound."""
     has_weight = interval.telling
     interval = interval.only(has_weight)
     parts, rate = interval.parts, interval.counted == "rate"
@@ -181,7 +181,7 @@ def positive_bound(sample: Sample, level: float, side: Side, power: float = 1.0)
 
 
 def share_bound(sample: Sample, level: float, side: Side, events: float = np.inf) -> Array:
-    """Return the one-sided bound of a share.
+    """Return the one-sided bound of a share of events, such as the share of missed warnings.
 
     For independent trials it is exact (Clopper and Pearson 1934, "The use of confidence or fiducial limits illustrated
     in the case of the binomial"). Where runs vary less than single trials would, the effective number of trials is

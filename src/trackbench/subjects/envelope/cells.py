@@ -44,11 +44,11 @@ class Spending(NamedTuple):
     """Error probability of a map, divided among its cells, its trackers and the interim looks at the results."""
 
     error: float
-    """Probability that any cell is decided wrongly, for any tracker."""
+    """Probability that at least one cell of the map is decided wrongly, for at least one tracker."""
     tests: int
-    """Planned number of cells times trackers."""
+    """Planned number of cells, multiplied by the number of trackers."""
     numbers: tuple[int, ...]
-    """Planned total number of runs, or scenes, of a cell by each look."""
+    """Planned number of runs, or scenes, of a cell up to each look (interim test after more runs); cumulative."""
 
     def at(self, look: int) -> float:
         """Return the error probability of one look (counted from 0) at one cell of one tracker."""
@@ -57,17 +57,17 @@ class Spending(NamedTuple):
 
 
 class CellDecision(NamedTuple):
-    """Decision on a requirement in a cell after a look."""
+    """Decision whether a requirement holds in a cell, made at a look: an interim test after more runs."""
 
     state: State
     interval: Interval
     low: float | None
-    """One-sided lower bound of the value, as ``high`` is the upper one; None where no bound is calibrated."""
+    """One-sided lower bound of the value; ``high`` is the upper bound. None where no bound is calibrated."""
     high: float | None
 
     @property
     def reason(self) -> str:
-        """Reason why there is no bound; empty where there is one."""
+        """Reason why the value has no one-sided bound; empty where it has a bound."""
         return unbounded(self.interval)
 
 
@@ -93,7 +93,7 @@ def decide(interval: Interval, limit: float, direction: Direction, level: float,
 
 
 def joint_state(states: Iterable[State]) -> State:
-    """Return the state of a cell from the states of all its requirements."""
+    """Return a cell's state from its requirements' states: fails if any fails, holds if all hold, else undecided."""
     distinct = set(states)
     return "fails" if "fails" in distinct else "holds" if distinct == {"holds"} else "undecided"
 
@@ -105,7 +105,7 @@ class Extent(NamedTuple):
     runs: int
 
     def blocks_beyond(self, done: Extent, largest: int) -> list[BlockRuns]:
-        """Return the runs that go beyond ``done``, in blocks of at most ``largest`` runs."""
+        """Return the runs of this extent that ``done`` does not have, in blocks of at most ``largest`` runs."""
         pieces = []
         for scene in range(self.scenes):
             first = done.runs if scene < done.scenes else 0
@@ -121,11 +121,11 @@ class Extent(NamedTuple):
 
 @dataclass
 class Runs:
-    """Metric sums of one tracker's runs in a cell."""
+    """Monte-Carlo runs of one tracker in a cell, with the sums from which metrics are computed."""
 
     sums: MetricSums = field(default_factory=dict)
     scene: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    """Scene of each run, ``(runs,)``, in the order in which the runs were made."""
+    """Scene number of each run, ``(runs,)``, in the order in which the runs were made."""
     run: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     """Number of each run in its scene, ``(runs,)``."""
 
@@ -137,7 +137,10 @@ class Runs:
         return Runs(merged, np.concatenate([self.scene, scene]), np.concatenate([self.run, run]))
 
     def evaluated(self, metrics: Sequence[Metric], claim: Population) -> Evaluation:
-        """Return each metric with what each independent part adds: a scene, or the runs of one number in all scenes."""
+        """Return the value of each metric, with the contribution of each independent part.
+
+        A part is a scene for ``traffic like these``, else the runs with the same number in all scenes.
+        """
         if claim == "traffic like these":
             return evaluate(self.sums, self.scene, metrics)
         evaluation = evaluate(self.sums, np.zeros_like(self.scene), metrics)
@@ -155,7 +158,7 @@ def _by_repetition(interval: Interval, run: Indices) -> Interval:
 
 
 class LookResult(NamedTuple):
-    """Result of one look's new runs in a cell: sums and failures by tracker name."""
+    """Result of the runs that a look (interim test) adds to a cell: metric sums and failures, by tracker name."""
 
     sums: dict[str, MetricSums]
     failures: dict[str, Failure]
@@ -164,10 +167,10 @@ class LookResult(NamedTuple):
 
 
 def requirements_of(loaded: Scenario) -> list[ClaimedLimit]:
-    """Return the expectations of the scenario as limits by which cells are decided.
+    """Return the expectations of the scenario as limits on metrics, by which cells are decided.
 
     Raises:
-        InputError: there is no expectation, or one is on a metric that has no interval or cannot be repeated.
+        InputError: there is no expectation, or its metric has no interval or cannot be repeated.
     """
     config = loaded.config
     if not config.expect:
@@ -198,7 +201,7 @@ def work_of_cell(
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
 ) -> Work:
-    """Return the work of a cell, with only the metrics of its requirements, and coverage.
+    """Return settings and truth for the runs of a cell, with coverage and the metrics of its requirements alone.
 
     Raises:
         InputError: a requirement is on a metric that has no interval.
@@ -221,7 +224,7 @@ def _paths(metric: Metric, work: Work) -> frozenset[str]:
 
 
 def make_runs(work: Work, names: Collection[str], pieces: Sequence[BlockRuns]) -> LookResult:
-    """Make the runs of some blocks of a cell for the trackers in ``names``, in any process."""
+    """Simulate the blocks ``pieces`` of a cell's runs for the trackers in ``names``; any process can call it."""
     work = replace(work, trackers={name: entry for name, entry in work.trackers.items() if name in names})
     blocks = [block for group in work.groups(pieces) for block in run_blocks(work, group)]
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
@@ -231,7 +234,7 @@ def make_runs(work: Work, names: Collection[str], pieces: Sequence[BlockRuns]) -
 
 
 def coverage_of(runs: Runs, claim: Population) -> Interval | None:
-    """Return the share of expected estimates that were given; None with hidden identities or none expected."""
+    """Return the share of expected estimates that a tracker gave; None with hidden identities or none expected."""
     scores = runs.sums.get(ESTIMATES.name)
     if scores is None or not scores.due.sum() > 0:
         return None
@@ -240,17 +243,17 @@ def coverage_of(runs: Runs, claim: Population) -> Interval | None:
 
 
 class Store:
-    """Folder with a file for each interim look at each cell's results.
+    """Folder with a file for each look (interim test after more runs) at each cell.
 
     Args:
-        folder: the folder; None stores nothing.
+        folder: path of the folder; None stores nothing.
         signature: hash of all that determines the runs; it enters the names of the files.
     """
 
     def __init__(self, folder: Path | None, signature: str) -> None:
         self._folder, self._signature = folder, signature
         self.loaded_looks = 0
-        """Number of looks that were read from the folder."""
+        """Number of looks whose results were read from the folder so far."""
 
     def load(self, point: Point, look: int) -> Any:
         """Return the stored result of a look at a cell; None where there is none, or its file is damaged."""

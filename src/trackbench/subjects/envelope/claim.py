@@ -1,4 +1,4 @@
-"""The claim of a map (``claim.json``): each cell with its state, and what is needed to repeat and check it."""
+"""The claim of a map (``claim.json``): each cell's state (holds, fails, undecided), and what repeats and checks it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ClaimedLimit(ResultModel):
 
     @property
     def after_number(self) -> str:
-        """Text after a number: a space and the unit; empty for a metric without unit."""
+        """Unit of the metric as text to append to a number, with a leading space; empty for a metric without unit."""
         return "" if self.unit == "1" else f" {self.unit}"
 
     def excess(self, value: Any) -> Any:
@@ -59,7 +59,7 @@ class CellValue(ResultModel):
     state: State
     value: float | None
     low: float | None
-    """One-sided lower bound, as ``high`` is the upper one, at the last look's error probability; None without one."""
+    """One-sided lower bound at the last look's error probability; ``high`` is the upper bound. None without a bound."""
     high: float | None
 
     @property
@@ -76,10 +76,10 @@ class TrackerState(ResultModel):
     cause: str
     """Reason other than a limit why the tracker fails or is undecided; empty where there is none."""
     failed: bool = False
-    """Whether the tracker broke down."""
+    """Whether the tracker broke down with an error, so that it had no further runs."""
     scenes: int
     runs: int
-    """Runs of each scene."""
+    """Number of Monte-Carlo runs of each scene."""
     looks: int
     values: list[CellValue]
     """Value of each requirement on the tracker, in the order of ``Claim.limits``."""
@@ -88,15 +88,15 @@ class TrackerState(ResultModel):
 
 
 class ClaimCell(ResultModel):
-    """Cell of the map: a point with the states of the trackers."""
+    """Cell of the map: a point (a value for each axis) with the state of each tracker."""
 
     point: list[float | str]
     changes: list[str]
-    """Changes of the scenario at the point, as ``key.path=value``."""
+    """Changes that make the cell's scenario from the mapped scenario, each as ``key.path=value``."""
     added: bool
-    """Whether the cell was added near a border, beside the grid from which the map starts."""
+    """Whether the cell was added near a border; False for a cell of the grid from which the map starts."""
     measurements: list[str]
-    """Hash of the measurements of the runs that were added before each interim look."""
+    """One hash for each look (interim test): of the measurements of the runs that were added for the look."""
     trackers: dict[str, TrackerState]
 
     @property
@@ -106,7 +106,7 @@ class ClaimCell(ResultModel):
 
 
 class AbsentCells(ResultModel):
-    """Group of points without cells: the world there fixes the value that an axis varies, so cells would be copies."""
+    """Points without cells: their world (drivers and sensors) fixes what an axis varies; cells would be copies."""
 
     at: dict[str, float | str]
     """Values that these points have in common, by axis name."""
@@ -114,7 +114,7 @@ class AbsentCells(ResultModel):
 
 
 class Claim(ResultModel):
-    """Claim of a map: its cells with their states, and what repeats them."""
+    """Result of a map: its cells with their states (holds, fails or undecided), and the settings that repeat them."""
 
     schema_version: Literal[1] = 1
     scenario: str
@@ -127,7 +127,7 @@ class Claim(ResultModel):
     claim: Population
     confidence: float
     extents: list[tuple[int, int]]
-    """Number of scenes, and of runs of each scene, at each look."""
+    """For each look (interim test) the numbers of scenes and of runs of each scene, cumulative."""
     seed: int
     engine: str
     versions: dict[str, str]
@@ -136,15 +136,15 @@ class Claim(ResultModel):
     """The scenario's ``envelope:`` block."""
     limits: list[ClaimedLimit]
     base: list[float | str | None]
-    """The scenario's own value of each axis; None where it has none."""
+    """The scenario's own value on each axis; None for an axis on which the scenario has no value."""
     cells: list[ClaimCell]
     absent: list[AbsentCells] = Field(default_factory=list)
     places: dict[str, int] = Field(default_factory=dict)
-    """Place of each tracker in the scenario file, by name; it determines the tracker's colour."""
+    """Position of each tracker in the scenario file, by name, which determines the tracker's colour."""
     counter_examples: CounterExamples | None = None
-    """Counter-examples of the map; None before they are sought."""
+    """Counter-examples: the nearest failing cells, shown in detail; None before the search for them."""
     parts: str | None = None
-    """SHA-256 hash of the file with the values of the runs; None until the file is written."""
+    """SHA-256 hash of the file with each run's or scene's contribution; None until the file is written."""
 
     @model_validator(mode="after")
     def _whole(self) -> Claim:
@@ -173,7 +173,7 @@ class Claim(ResultModel):
 
     @cached_property
     def axes(self) -> tuple[MapAxis, ...]:
-        """Axes of the map."""
+        """Axes of the map: the quantities that it varies, in the order of the scenario."""
         return axes_of(self.config)
 
     @property
@@ -183,7 +183,7 @@ class Claim(ResultModel):
 
     @property
     def own_values(self) -> dict[str, float | str | None]:
-        """The scenario's own value of each axis, by axis name."""
+        """The scenario's own value on each axis, by axis name; None for an axis on which the scenario has no value."""
         return {axis.name: value for axis, value in zip(self.axes, self.base, strict=True)}
 
     @property
@@ -199,13 +199,13 @@ class Claim(ResultModel):
         return " and ".join(limit.text.removeprefix(f"{tracker} ") for limit in self.limits_of(tracker))
 
     def counts(self, tracker: str) -> dict[State, int]:
-        """Return the number of cells in each state of a tracker."""
+        """Return the number of cells in each state (holds, fails, undecided) of a tracker."""
         states = [cell.trackers[tracker].state for cell in self.cells]
         return {state: states.count(state) for state in STATES}
 
     @property
     def failures(self) -> dict[str, str]:
-        """Reason of each tracker's first breakdown, by tracker name; empty where it never broke down."""
+        """Reason of each tracker's first breakdown, by tracker name; empty text for a tracker that never broke down."""
         return {
             name: next((cell.trackers[name].cause for cell in self.cells if cell.trackers[name].failed), "")
             for name in self.trackers
@@ -214,24 +214,27 @@ class Claim(ResultModel):
 
 @dataclass(frozen=True)
 class Envelope:
-    """Claim with what each run, or scene, adds to each value."""
+    """Claim of a map (its cells and their states), with the contribution of each run or scene to each value."""
 
     claim: Claim
     parts: pa.Table
-    """Columns ``cell`` and ``limit`` (numbers in the claim), ``part`` (number of the run or scene) and ``value``.
+    """Columns ``cell`` and ``limit`` (indices in ``Claim``), ``part`` (number of the run or scene) and ``value``.
     The mean of ``value`` over the parts is the cell's value, to first order."""
     shown: Mapping[str, ShownExample] = field(default_factory=dict)
-    """Counter-examples by folder name; empty for a claim that was read from a file."""
+    """Scenario and result of each counter-example, by folder name; empty for a claim that was read from a file."""
     folder: Path | None = None
-    """Folder from which the claim was read; None for a new one."""
+    """Folder from which the claim was read; None for a newly computed claim."""
 
     def values(self, cell: int, limit: int) -> Array:
-        """Return what each part adds to a requirement's value in a cell, ``(parts,)``; empty without a value."""
+        """Return the contribution of each run or scene to a value, ``(parts,)``; empty without a value.
+
+        ``cell`` and ``limit`` are the indices of the cell and of the requirement in the claim.
+        """
         return self._parts_by_cell.get((cell, limit), np.zeros(0))
 
     @cached_property
     def nearest_run(self) -> Result | None:
-        """Result of the run of the counter-example nearest to its base point; None without one or its folder."""
+        """Result of the counter-example nearest to its base point; None without counter-examples or folder."""
         counter = self.claim.counter_examples
         nearest = min(counter.examples if counter else (), key=lambda example: example.distance, default=None)
         if nearest is None or nearest.folder in self.shown:
@@ -283,7 +286,7 @@ def read_envelope(path: Path) -> Envelope:
 
 
 def parts_of(rows: Sequence[tuple[int, int, Array]]) -> pa.Table:
-    """Return the table ``Envelope.parts`` from rows of cell number, requirement number and values ``(parts,)``."""
+    """Return the table ``Envelope.parts`` from rows of cell index, requirement index and values ``(parts,)``."""
     sizes = [len(values) for *_, values in rows]
     columns = {
         "cell": np.repeat([cell for cell, *_ in rows], sizes).astype(np.int32),

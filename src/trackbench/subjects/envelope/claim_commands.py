@@ -1,4 +1,4 @@
-"""``trackbench envelope diff``, and the cells of a finished map as test cases."""
+"""The command ``trackbench envelope diff``, which compares two maps, and the cells of a map as test cases."""
 
 from __future__ import annotations
 

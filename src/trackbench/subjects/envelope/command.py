@@ -1,4 +1,4 @@
-"""The command ``trackbench envelope``."""
+"""The command ``trackbench envelope``, which maps where trackers meet their requirement."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DIFF = "trackbench.subjects.envelope.claim_commands:diff_command"
 
 
 class EnvelopeGroup(click.Group):
-    """Command group that takes a scenario as its first word, unless that is ``diff``."""
+    """Command group whose first argument is a scenario, or else the name of the subcommand ``diff``."""
 
     allow_extra_args = False
     allow_interspersed_args = True

@@ -1,4 +1,4 @@
-"""The work on counter-examples: the nearest failing cells, each shown by its median failing run, with its cause."""
+"""Search for counter-examples: the nearest failing cells, each represented by its median failing run."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from trackbench.subjects.envelope.task import changed_scenario
 
 
 class FailingCell(NamedTuple):
-    """Cell that fails, with the face of the map towards which it lies."""
+    """Cell in which a tracker fails, with the axis and the side of the map towards which it lies."""
 
     tracker: str
     axis: str
     side: str
     cell: int
-    """Number of the cell in the claim."""
+    """Index of the cell in ``Claim.cells``."""
     distance: float
 
 
 def base_of(claim: Claim, tracker: str) -> BasePoint:
-    """Return the point from which distances are counted.
+    """Return the point from which the distances of a tracker's failing cells are counted.
 
-    It is the scenario's own point. Where the cell nearest to it does not hold, it is the nearest cell that holds.
+    It is the scenario's own point. If the nearest cell does not hold, it is the nearest cell that holds.
     """
     axes, scenario_point = claim.axes, claim.base_point
     state = _nearest(axes, scenario_point, claim.cells).trackers[tracker].state
@@ -56,9 +56,9 @@ def base_of(claim: Claim, tracker: str) -> BasePoint:
 
 
 def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> list[FailingCell]:
-    """Return the nearest failing cell towards each face of the map, the nearest first.
+    """Return the nearest failing cell towards each side of the map (end of an axis), the nearest first.
 
-    A cell lies towards the face of the axis along which it is furthest from the base. A cell is left out if another
+    A cell lies towards the side of the axis along which it is furthest from ``base``. A cell is left out if another
     failing cell is nearer along this axis and no further along any other: the other cell shows the failure already.
 
     Args:
@@ -112,7 +112,7 @@ class CounterMaker:
         """Scenario and result of each counter-example, by folder name."""
 
     def make(self, most: int | None, listener: Listener) -> CounterExamples:
-        """Make all counter-examples, at most ``most`` of each tracker; None for twice the number of axes."""
+        """Find and record the counter-examples, at most ``most`` of each tracker; None for twice the number of axes."""
         bases = [base_of(self._claim, tracker) for tracker in self._claim.trackers]
         failing_cells = [failing for base in bases for failing in nearest_failing(self._claim, base, most)]
         findings: dict[str, str] = {}
@@ -165,7 +165,7 @@ class CounterMaker:
     def _run(
         self, folder: str, cell: MapCell, tracker: str, requirement: ClaimedLimit | None, shown: ShownRun
     ) -> Result:
-        """Repeat the runs of a cell, and record the run that is shown."""
+        """Repeat the runs of a cell, and keep the estimates of the run ``shown`` for the report and the recording."""
         extent = cell.trackers[tracker].extent
         changes = [f"recording.scene={shown.scene}", f"recording.run={shown.run}"]
         changes.append(f"monte_carlo.runs={max(1, extent.runs)}")
@@ -179,7 +179,7 @@ class CounterMaker:
 
 
 def _failed_limit(claim: Claim, cell: ClaimCell, tracker: str) -> int | None:
-    """Return the number of the first requirement that a tracker fails in a cell."""
+    """Return the index in ``Claim.limits`` of the first requirement that a tracker fails in a cell, or None."""
     limit_numbers = [number for number, limit in enumerate(claim.limits) if limit.tracker == tracker]
     values = cell.trackers[tracker].values
     return next((number for number, value in zip(limit_numbers, values, strict=False) if value.state == "fails"), None)

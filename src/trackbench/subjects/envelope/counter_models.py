@@ -1,4 +1,4 @@
-"""Counter-examples as the claim stores them."""
+"""Counter-examples, the nearest failing cells of a map, as the claim stores them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COUNTER_EXAMPLES = "counter_examples"
 
 
 class ShownRun(ResultModel):
-    """Run that shows a counter-example: the median of the runs beyond the limit; without any, the run nearest to it."""
+    """Run that represents a failing cell: the median run beyond the limit; if none is beyond, the run nearest to it."""
 
     scene: int
     run: int
@@ -27,30 +27,30 @@ class ShownRun(ResultModel):
 
 
 class CounterExample(ResultModel):
-    """Cell that fails with confidence and is nearest to the base, among the cells towards one face of the map."""
+    """Cell in which a tracker fails, the nearest to its base point among such cells towards one side of the map."""
 
     folder: str
     """Name of the folder, in ``counter_examples``, with the scenario, report and recording."""
     tracker: str
     axis: str
-    """Axis along which the cell is furthest from the base."""
+    """Axis along which the cell is furthest from the tracker's base point."""
     side: str
-    """Face of the axis: low, high, or the name of a choice."""
+    """Side of the axis towards which the cell lies: low, high, or the name of a choice."""
     cell: int
-    """Number of the cell in the claim."""
+    """Index of the cell in ``Claim.cells``."""
     distance: float
-    """Euclidean distance from the base, with each axis scaled to the range 0 to 1."""
+    """Euclidean distance from the tracker's base point, with each axis scaled to the range 0 to 1."""
     limit: int | None
-    """Number of the requirement that the tracker fails; None where the cell fails for another cause."""
+    """Index in ``Claim.limits`` of the requirement that the tracker fails; None if the cause is no limit."""
     shown: ShownRun
     event: str
-    """Worst event of the shown run, as text; empty where there is none."""
+    """Worst event of the run ``shown``, as text; empty where there is none."""
     finding: str
     """Result of an examination of the tracker, as text; empty where none was made."""
 
 
 class BasePoint(ResultModel):
-    """Point from which a tracker's distances are counted."""
+    """Point from which the distances of a tracker's failing cells are counted."""
 
     tracker: str
     point: list[float | str]
@@ -64,7 +64,7 @@ class BasePoint(ResultModel):
 
 
 class CounterExamples(ResultModel):
-    """All counter-examples of a map."""
+    """Failing cells that a map shows in detail, and the points from which their distances are counted."""
 
     bases: list[BasePoint]
     examples: list[CounterExample]
@@ -72,7 +72,7 @@ class CounterExamples(ResultModel):
 
 
 class ShownExample(NamedTuple):
-    """Scenario and result in the folder of a counter-example."""
+    """Scenario and result of a counter-example (failing cell) that are written into its folder."""
 
     loaded: Scenario
     result: Result

@@ -21,7 +21,7 @@ from trackbench.trackers.config import FilterConfig
 
 
 def event_of(result: Result, tracker: str, metric: str = "") -> str:
-    """Return the worst event of the recorded run as text; empty where there is none.
+    """Return the worst event of the run whose estimates are kept, as text; empty where there is none.
 
     It is the first wrong decision of an assistance function, the first track event or the largest position error.
     """
@@ -59,7 +59,8 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
 def counter_section(claim: Claim, run: Result | None) -> Iterator[Section]:
     """Yield the section on a map's counter-examples; nothing where none were sought.
 
-    ``run`` is the result of the nearest counter-example, drawn from above. If it has a recording, the others have one too.
+    ``run`` is the result of the nearest counter-example, whose scene is drawn from above; None draws no scene. If
+    ``run`` has a recording, all counter-examples have recordings.
     """
     counter = claim.counter_examples
     if counter is None:
@@ -94,7 +95,7 @@ def _from_above(run: Result) -> Iterator[Block]:
 
 
 def at_point(claim: Claim, cell: int) -> str:
-    """Return the coordinates of a cell as text."""
+    """Return the coordinates of the cell with the index ``cell`` in the claim, as text."""
     return place_of_cell(claim.axes, claim.cells[cell].at)
 
 

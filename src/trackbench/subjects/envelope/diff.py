@@ -1,4 +1,4 @@
-"""Difference of two maps with the same axes: the cells that a tracker lost (``trackbench envelope diff``)."""
+"""Difference between two maps with the same axes: cells in which a tracker no longer meets its requirement."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Outcome = Literal["same", "lost", "not shown", "gained", "open"]
 
 
 class CellChange(NamedTuple):
-    """Change of a tracker's state in a cell of both maps."""
+    """Change of a tracker's state (holds, fails or undecided) in a cell that two maps have in common."""
 
     point: Point
     place: str
@@ -39,31 +39,31 @@ class CellChange(NamedTuple):
     after: State
     outcome: Outcome
     paired: bool
-    """Whether both maps have the same measurements there, so that runs are compared one by one."""
+    """Whether both maps have the same measurements in the cell, so that values are compared run by run."""
     text: str
-    """Values before and after; without them, or if the tracker now fails for a cause other than a limit, the cause."""
+    """Metric values before and after; the cause instead if values are missing, or if no limit explains the failure."""
 
 
 @dataclass(frozen=True)
 class EnvelopeDiff:
-    """Differences between two maps."""
+    """Differences between two maps: changed states of cells, and borders that moved."""
 
     before: Claim
     after: Claim
     changes: tuple[CellChange, ...]
-    """One entry for each tracker in each cell of both maps, also where the state is the same."""
+    """One item for each tracker in each cell that both maps have, also where the state is the same."""
     left_out: tuple[str, ...]
     """Sentences on cells and trackers that are in one map alone."""
     margins: tuple[str, ...]
-    """Sentences on the margins that moved."""
+    """Sentences on the axis values at which a requirement ceases to hold, where they changed."""
 
     @property
     def passed(self) -> bool:
-        """Whether no cell was lost."""
+        """Whether no cell was lost: a lost cell held before, fails now, and is shown to be worse."""
         return not self.of("lost")
 
     def of(self, *outcomes: Outcome) -> list[CellChange]:
-        """Return the changes with one of some outcomes."""
+        """Return the changes whose outcome is among ``outcomes``, such as ``lost``."""
         return [item for item in self.changes if item.outcome in outcomes]
 
     def json(self) -> dict[str, Any]:
@@ -95,7 +95,7 @@ class EnvelopeDiff:
         yield from self.left_out
 
     def suite(self) -> Suite:
-        """Return a test case for each tracker in each cell."""
+        """Return a test case for each tracker in each cell that both maps have."""
         name = f"{self.after.scenario} against {self.before.scenario}"
         words = {"lost": "failed", "not shown": "undecided", "open": "undecided"}
         cases = [
@@ -143,7 +143,7 @@ def _require_alike(a: Claim, b: Claim) -> None:
 
 
 def _change(before: Envelope, after: Envelope, cells: tuple[int, int], name: str, level: float) -> CellChange:
-    """Compare one tracker in one cell, whose numbers in the two maps are ``cells``."""
+    """Compare one tracker in one cell; ``cells`` has the cell's index in each of the two maps."""
     old_cell, cell = before.claim.cells[cells[0]], after.claim.cells[cells[1]]
     states = old, new = old_cell.trackers[name], cell.trackers[name]
     was, now = old.state, new.state

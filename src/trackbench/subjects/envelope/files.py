@@ -23,12 +23,12 @@ RECORDING = "recording.rrd"
 
 
 def folder_of(scenario: str, out: Path) -> Path:
-    """Return the folder of a scenario's envelope."""
+    """Return the path of the folder, in ``out``, into which a scenario's envelope is written."""
     return out / f"{scenario}-envelope"
 
 
 def looks_of(scenario: str, out: Path) -> Path:
-    """Return the folder that keeps the runs of an envelope until it is written."""
+    """Return the path of the folder that stores the finished runs of an envelope until the envelope is written."""
     return out / f".{scenario}-envelope.looks"
 
 

@@ -1,4 +1,4 @@
-"""Figures of a metric over one axis: values with bounds, the limit, and the band of the border."""
+"""Figures of a metric against one axis: values with bounds, the limit, and the band in which the border lies."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ _TALL, _LOW = 310.0, 190.0
 
 
 def pairs_of(claim: Claim) -> list[tuple[int, int]]:
-    """Return the pairs of axes of numbers, as places in ``claim.axes``."""
+    """Return all pairs of numeric axes, each as two indices in ``claim.axes``."""
     return [*combinations([i for i, axis in enumerate(claim.axes) if axis.ordered], 2)]
 
 
@@ -124,7 +124,7 @@ def _no_border_remark(states: Sequence[State]) -> str:
 
 
 def _nearest_slices(claim: Claim, pair: tuple[int, int]) -> tuple[list[Slice], str]:
-    """Return the slices nearest to the scenario, and a sentence on the slices that are not shown."""
+    """Return the slices (cells over two axes) nearest to the scenario, and a sentence on slices that are not drawn."""
     parts = slices(claim, *pair)
     nearest = sorted(parts, key=lambda part: distance_from_base(claim, part.at))[:MOST_PANELS]
     text = f" Of {len(parts)} slices those nearest to the scenario are shown." if len(nearest) < len(parts) else ""

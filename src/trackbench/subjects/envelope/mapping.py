@@ -45,7 +45,7 @@ States = Mapping[str, str]
 
 
 def refine(axes: Sequence[MapAxis], states: Mapping[Point, States], max_points: int, resolution: float) -> list[Point]:
-    """Return new points half way between neighbours that differ in a state, those furthest apart first.
+    """Return new points half way between neighbours that differ in a tracker's state, the widest gaps first.
 
     Args:
         axes: axes of the map.
@@ -88,7 +88,7 @@ NO_RUNS = Extent(0, 0)
 
 @dataclass
 class TrackerCell:
-    """Runs of one tracker in a cell, and the decisions on them."""
+    """Runs of one tracker in a cell, and the decisions whether its requirements hold."""
 
     runs: Runs = field(default_factory=Runs)
     extent: Extent = NO_RUNS
@@ -113,9 +113,9 @@ class MapCell:
     trackers: dict[str, TrackerCell]
     """Trackers that have a requirement, by name."""
     added: bool = False
-    """Whether the cell was added near a border, beside the grid from which the map starts."""
+    """Whether the cell was added near a border; False for a cell of the grid from which the map starts."""
     measurements: list[bytes] = field(default_factory=list)
-    """Hash of the measurements of each look's runs."""
+    """One hash for each look (interim test): of the measurements of the runs that the look added."""
     metrics: tuple[Metric, ...] = ()
     """Metrics by which the cell's runs are scored."""
 
@@ -157,7 +157,7 @@ class EnvelopeMap:
         self.task = task
         self.cells: dict[Point, MapCell] = {}
         self.absent: list[AbsentCells] = []
-        """Points without a cell, since it would be a copy of another cell."""
+        """Groups of points that have no cells, since these would be copies of other cells."""
         self.engine = ""
         """Name of the engine that computed the cells; empty before the first look."""
         self.executor, self.isolation, self.engine_choice = executor, isolation, engine
@@ -167,7 +167,7 @@ class EnvelopeMap:
         self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
 
     def make(self, progress: NotedProgress = no_progress) -> None:
-        """Make and decide all cells.
+        """Simulate the runs of all cells, decide the cells, and add cells near the border.
 
         Args:
             progress: called with the number of decided cells, the number of all cells and a note.
@@ -231,7 +231,7 @@ class EnvelopeMap:
         return _Look(cell, names, work, pieces, self._store.load(cell.point, look))
 
     def work(self, loaded: Scenario, extent: Extent) -> Work:
-        """Return settings and truth for a cell's runs; ``extent`` has the number of scenes of traffic like these."""
+        """Return settings and truth for a cell's runs; for a claim on traffic ``extent`` has the number of scenes."""
         if self.task.config.claim == "traffic like these":
             truth = loaded.config.truth.model_copy(update={"seeds": extent.scenes})
             loaded = replace(loaded, config=loaded.config.model_copy(update={"truth": truth}))

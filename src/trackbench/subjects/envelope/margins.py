@@ -23,7 +23,7 @@ _NEXT_TO = 1e-12
 
 
 class Crossing(NamedTuple):
-    """Crossing of a line and the border, between two decided cells that differ."""
+    """Crossing of a line of cells with the border, between a cell that holds and a cell that fails."""
 
     low: float
     """Axis value of the decided cell below the border; cells between ``low`` and ``high`` are undecided."""
@@ -31,7 +31,7 @@ class Crossing(NamedTuple):
     point: float
     """Axis value at which the interpolated metric meets the limit."""
     holds_below: bool
-    """Whether the requirement is met below the border."""
+    """Whether the requirement is met at axis values below the border, and not above it."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class AxisMargin:
     at: tuple[tuple[MapAxis, Value], ...]
     """The other axes, with their fixed values on the line."""
     cells: tuple[tuple[float, ClaimCell], ...]
-    """Value of the axis and cell, in order along the line."""
+    """Pairs of an axis value and the cell there, in order along the line."""
     crossings: tuple[Crossing, ...]
 
     @property
@@ -58,7 +58,7 @@ class AxisMargin:
 
 
 def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
-    """Return the margins of a tracker: for each axis of numbers, along the line nearest to the scenario.
+    """Return where a tracker's requirements hold along each numeric axis, on the line of cells nearest to the scenario.
 
     Axes of choices give one line for each combination of choices.
     """
@@ -72,7 +72,7 @@ def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
 def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> AxisMargin:
     """Return in which cells of a line a tracker's requirements hold, and where the line crosses the border.
 
-    ``line`` has cells that differ in axis ``number`` alone, in the order of that axis.
+    ``number`` is the index of the axis. The cells of ``line`` differ in this axis alone, and are sorted along it.
     """
     axes = claim.axes
     axis, first = axes[number], line[0].point
@@ -83,7 +83,7 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
 
 
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
-    """Return for each combination of choices one line of cells along an axis, sorted along it.
+    """Return for each combination of choices one line of cells along the axis with the index ``number``, sorted.
 
     It is the line with the most starting levels of the axis, since the few cells added near a border make no useful
     line. Of several such lines it is the nearest to the scenario's own values of the other axes.
@@ -133,7 +133,7 @@ def _first_beyond(shares: Array, beyond: Array, holds_below: bool) -> float:
     Args:
         shares: positions of the points along the axis, ``(points,)``, ascending.
         beyond: result of :func:`excess`, ``(points, limits)``.
-        holds_below: whether it is met at the first point; otherwise it is met at the last.
+        holds_below: whether the requirement is met at the first point; otherwise it is met at the last.
     """
     if not holds_below:
         return 1.0 - _first_beyond(1.0 - shares[::-1], beyond[::-1], True)
@@ -197,7 +197,7 @@ def _spans(margin: AxisMargin) -> Iterator[str]:
 
 
 def border(axis: MapAxis, crossing: Crossing) -> str:
-    """Return a border as text: "2.1 ± 0.1 deg", or "2.1 deg (2.0 to 2.4)" if it is not half way between the cells.
+    """Return a border as text: "2.1 ± 0.1 deg", or "2.1 deg (2.0 to 2.4)" if not half way between cells.
 
     The ends of the band are rounded outwards, each by less than a tenth of its width.
     """
@@ -216,7 +216,7 @@ def border(axis: MapAxis, crossing: Crossing) -> str:
 
 
 def undecided(margin: AxisMargin) -> str:
-    """Return as text where cells outside the bands are not shown to hold or fail; empty where there are none."""
+    """Return as text the axis values of undecided cells outside the bands of the borders; empty without any."""
     spans = []
     outside = {
         value: state == "undecided" and not any(item.low < value < item.high for item in margin.crossings)
@@ -231,7 +231,7 @@ def undecided(margin: AxisMargin) -> str:
 
 
 def place_of_line(margin: AxisMargin) -> str:
-    """Return the values of the other axes as text; empty where there is no other axis."""
+    """Return as text the values of the axes along which a line does not run; empty where there are no such axes."""
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in margin.at)
 
 
@@ -245,12 +245,12 @@ def _rounded(value: float, step: float) -> str:
 
 @dataclass(frozen=True)
 class Slice:
-    """Cells over two axes, at fixed values of the other axes."""
+    """Cells of a map over two of its axes, at fixed values of all other axes."""
 
     across: MapAxis
     up: MapAxis
     at: tuple[tuple[MapAxis, Value], ...]
-    """The other axes, with their fixed values."""
+    """The axes that the slice does not vary, with their fixed values."""
     cells: tuple[ClaimCell, ...]
     places: Array
     """Position of each cell on the two axes, ``(cells, 2)``, 0 to 1."""
@@ -262,7 +262,8 @@ class Slice:
 def slices(claim: Claim, across: int, up: int) -> list[Slice]:
     """Return the slices of a map over two axes, one for each combination of the other axes' starting values.
 
-    Cells that were added between such values to refine the map are in no slice.
+    ``across`` and ``up`` are indices of axes. Cells that were added between starting values of the other axes are in no
+    slice.
     """
     axes = claim.axes
     others = [i for i in range(len(axes)) if i not in (across, up)]

@@ -81,7 +81,7 @@ _MOST_PAIRS = 6
 
 
 def headlines(claim: Claim) -> Iterator[str]:
-    """Yield a sentence per tracker: in how many cells its requirement holds and fails, and the share not shown."""
+    """Yield a sentence per tracker: the cells in which its requirement holds and fails, and the undecided share."""
     for tracker in claim.trackers:
         counts, total = claim.counts(tracker), len(claim.cells)
         share = f"{100 * counts['undecided'] / total:.0f} % not shown"
@@ -94,7 +94,7 @@ def headlines(claim: Claim) -> Iterator[str]:
 
 
 def claim_sentence(claim: Claim) -> str:
-    """Return the claim in words: its confidence, its population, and its numbers of scenes and runs."""
+    """Return the claim in words: confidence, population (these scenes or traffic like these), scenes and runs."""
     scenes, runs = claim.extents[-1]
     trackers = "" if len(claim.trackers) == 1 else " for any tracker"
     numbers = f"{counted(scenes, 'scene')}, up to {counted(runs, 'run')} of each"
@@ -111,7 +111,7 @@ def claim_sentence(claim: Claim) -> str:
 
 
 def envelope_document(envelope: Envelope) -> Document:
-    """Return the page of an envelope: where its trackers meet their requirements, with maps, margins and an example."""
+    """Return the page of an envelope: where trackers meet their requirements, with maps, margins, counter-examples."""
     from trackbench.subjects.envelope.line_figures import line_figures
 
     claim = envelope.claim
@@ -127,7 +127,7 @@ def envelope_document(envelope: Envelope) -> Document:
 
 
 def envelope_summary(envelope: Envelope) -> Document:
-    """Return the summary of an envelope for the terminal."""
+    """Return the terminal summary of an envelope: counts of cells, maps, margins and counter-examples."""
     claim = envelope.claim
     maps = [block for tracker in claim.trackers for block in map_blocks(claim, tracker)]
     blocks = (*_headline(claim), *maps, *margins_tables(claim), *counter_section(claim, envelope.nearest_run))

@@ -28,7 +28,7 @@ def changed_scenario(loaded: Scenario, changes: Sequence[str], trackers: Sequenc
 def base_point(loaded: Scenario, axes: Sequence[MapAxis]) -> list[Value | None]:
     """Return the scenario's own value of each axis; None where it has none, or where linked keys contradict each other.
 
-    On an axis of worlds it is the first world where the scenario names none.
+    On an axis of worlds (drivers and sensors) a scenario that names no world is at the first world of the axis.
     """
     return [_own_value(loaded, axis) for axis in axes]
 
@@ -89,11 +89,11 @@ class EnvelopeTask(NamedTuple):
     axes: tuple[MapAxis, ...]
     requirements: tuple[ClaimedLimit, ...]
     extents: tuple[Extent, ...]
-    """Numbers of scenes and runs of a cell at each look."""
+    """Numbers of scenes and of runs of each scene of a cell at each look (interim test), cumulative."""
 
     @property
     def base(self) -> list[Value | None]:
-        """The scenario's own value of each axis; None where it has none."""
+        """The scenario's own value on each axis; None for an axis on which the scenario has no value."""
         return base_point(self.loaded, self.axes)
 
     @property
@@ -169,7 +169,7 @@ def truth_key(loaded: Scenario) -> str:
 
 
 def _extents(loaded: Scenario, config: EnvelopeConfig) -> tuple[Extent, ...]:
-    """Return scenes and runs at each look; the number that grows doubles from look to look."""
+    """Return the numbers of scenes and runs at each look; runs, or scenes for a claim on traffic, double to a limit."""
     sizes = [config.runs.first]
     while sizes[-1] < config.runs.most:
         sizes.append(min(2 * sizes[-1], config.runs.most))

@@ -32,7 +32,7 @@ def map_blocks(claim: Claim, tracker: str) -> Iterator[Block]:
 def text_map(claim: Claim, tracker: str) -> str:
     """Return a map with a character for each cell, on the slice nearest to the scenario.
 
-    "#" holds, "x" fails, "?" is not shown to do either; the cell nearest to the scenario is in brackets. Empty with
+    "#" holds, "x" fails, "?" is undecided; the cell nearest to the scenario is in brackets. Empty with
     fewer than two axes of numbers.
     """
     pair = next(combinations([i for i, axis in enumerate(claim.axes) if axis.ordered], 2), None)

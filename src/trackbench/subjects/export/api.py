@@ -62,7 +62,7 @@ FORMATS = (*TABLES, "mcap")
 
 
 def _scan_files(source: ScanSource, form: str) -> Files:
-    """Return the functions that write the scans; each run is made when its file is written."""
+    """Return the functions that write the scans, by file name; each run is simulated when its file is written."""
     if form == "mcap":
         return mcap_scan_files(source)
     return {f"scans.{form}": lambda path: TABLES[form](_scan_tables(source), path)}
@@ -114,7 +114,7 @@ def export(
 
 
 def _writer(manifest: Callable[[ScanSource], dict[str, Any]], source: ScanSource) -> Callable[[Path], object]:
-    """Return the function that writes a manifest; it must run after the scans, whose fingerprints it has."""
+    """Return the function that writes a manifest; call it after the scans, whose fingerprints the manifest has."""
     return lambda path: write_file(json_text(manifest(source)), path)
 
 

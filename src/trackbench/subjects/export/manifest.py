@@ -24,7 +24,7 @@ FRAME = (
 
 
 def scan_manifest(source: ScanSource) -> dict[str, Any]:
-    """Return the manifest of a folder of scans."""
+    """Return the contents of ``manifest.json`` for scans: scenario, scenes, sensors, fingerprints and columns."""
     config, hidden = source.loaded.config, source.hidden
     scenes = [_scene(source, number) for number in range(len(source.truths))]
     if not hidden:
@@ -44,7 +44,7 @@ def scan_manifest(source: ScanSource) -> dict[str, Any]:
 
 
 def truth_manifest(source: ScanSource) -> dict[str, Any]:
-    """Return the manifest of a folder of truths."""
+    """Return the contents of ``manifest.json`` for ground truth: scenario, frame, scenes and columns."""
     scenes = [_scene(source, number) for number in range(len(source.truths))]
     return {**_head("truth", source.loaded), "frame": FRAME, "scenes": scenes, "columns": TRUTH}
 

@@ -27,7 +27,7 @@ class ScanRow(BaseModel):
 
 
 class ScanMessage(BaseModel):
-    """Scan as a tracker gets it."""
+    """Message with one scan: sensor, times, pose, noise and measurements, as a tracker gets them."""
 
     scene: int
     run: int
@@ -45,7 +45,7 @@ class ScanMessage(BaseModel):
 
 
 def mcap_scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
-    """Return the functions that write the file of each run, by file name."""
+    """Return the functions that write the MCAP file of each run, by file name."""
     return {f"{key.stem}.mcap": partial(_write_scans, source, key) for key in source.keys}
 
 
@@ -53,7 +53,7 @@ def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
     """Write the scans of one run; the log time of a message is its arrival.
 
     Raises:
-        InputError: the package is missing.
+        InputError: the Python package ``mcap`` is missing.
     """
     try:
         from mcap.writer import Writer

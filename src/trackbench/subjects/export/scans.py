@@ -24,7 +24,7 @@ from trackbench.truth import LoadedTruth
 
 
 class RunKey(NamedTuple):
-    """Key of a Monte-Carlo run of a scene."""
+    """Identification of a Monte-Carlo run: its scene, and its number in the scene."""
 
     scene: int
     """Number of the scene, from 0."""
@@ -38,7 +38,7 @@ class RunKey(NamedTuple):
 
 
 class RunScans(NamedTuple):
-    """All scans of a run."""
+    """All scans of a Monte-Carlo run, of all sensors, with a hash of their measurements."""
 
     key: RunKey
     fingerprint: str
@@ -67,12 +67,12 @@ class ScanSource:
 
     @property
     def hidden(self) -> bool:
-        """Whether identities are hidden."""
+        """Whether the trackers are not told which object caused a measurement."""
         return self.loaded.config.sensing.identities == "hidden"
 
     @property
     def keys(self) -> list[RunKey]:
-        """Keys of all runs of all scenes."""
+        """Scene number and run number of every Monte-Carlo run."""
         return [RunKey(scene, run) for scene in range(len(self.truths)) for run in range(self.work.runs)]
 
     @property
@@ -138,7 +138,7 @@ TRUTH = {
 
 
 def component_columns(sensor: Sensor | type[Sensor]) -> list[str]:
-    """Return the column of each component of a measurement, with its SI unit at the end: ``range_rate_mps``."""
+    """Return the column name of each component of a measurement, with its SI unit at the end: ``range_rate_mps``."""
     return [f"{name}_{SPELLINGS.get(unit, unit)}" for name, unit in zip(sensor.components, sensor.units, strict=True)]
 
 

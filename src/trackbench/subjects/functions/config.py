@@ -37,14 +37,14 @@ EGO = {
 
 
 def listed_functions() -> Iterator[tuple[str, str]]:
-    """Yield the name and the description of each published function."""
+    """Yield the name and the description of each published driver assistance function."""
     from trackbench.cli.listing import registered
 
     return registered(FUNCTIONS, "use")
 
 
 def function_problems(scenario: Any) -> Iterator[Problem]:
-    """Yield conflicts between the functions of a scenario and its other sections."""
+    """Yield conflicts between the driver assistance functions of a scenario and its other sections."""
     if not scenario.functions:
         return
     yield from _ego_problems(scenario)

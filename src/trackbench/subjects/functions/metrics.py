@@ -1,4 +1,4 @@
-"""The metrics of the assistance functions of a scenario."""
+"""The metrics of driver assistance functions: delays, missed and false warnings, errors of their quantities."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NO_EVENT = "the function is never active on the truth: no event"
 
 
 class FunctionMetric(Metric):
-    """Metric of one function; :func:`function_metrics` makes a class for each function."""
+    """Metric of one driver assistance function; :func:`function_metrics` makes a class for each function."""
 
     needs: ClassVar[Set[str]] = frozenset({"truth"})
     better: ClassVar[Direction | None] = "smaller"
@@ -30,14 +30,14 @@ class FunctionMetric(Metric):
     """Name of the driver assistance function: its key under ``functions:`` in the scenario."""
     function: ClassVar[Function]
     total: ClassVar[str]
-    """Row of the sums with the metric's total; ``count`` is the row with the number of terms."""
+    """Name of the row of the sums with the metric's total; ``count`` names the row with the number of terms."""
     count: ClassVar[str]
     missing: ClassVar[str] = NO_EVENT
-    """Reason why there is no value without terms."""
+    """Reason to state if the metric has no value, because there are no terms to average."""
     squared: ClassVar[bool] = False
     """Whether the terms are squares, so that the value is a root mean square."""
     counted: ClassVar[Counted | None] = None
-    """Whether a metric that counts events is a share or a rate; None for a mean."""
+    """Kind of a metric that counts events, ``share`` or ``rate``; None for a mean."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The class is made at run time, so that pickle cannot find it by name.
@@ -45,7 +45,7 @@ class FunctionMetric(Metric):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the value in each run, and of its number of terms."""
+        """Names of two columns: the metric's value in each run, and the number of terms in the value."""
         return run_column(self.name), f"{self.name}_count"
 
     def in_runs(self, path: str, sums: FunctionScores, interval: Interval | None, runs: int) -> dict[str, Array]:
@@ -72,7 +72,7 @@ class FunctionMetric(Metric):
 
 
 class WarnDelay(FunctionMetric):
-    """Signed mean delay, without a better direction; trackers are compared by ``warn_error``."""
+    """Mean signed delay of warnings. Neither sign is better; trackers are compared by ``warn_error``."""
 
     stem, total, count, unit = "warn_delay", "delay", "events", "s"
     meaning = "time from an event on the truth to that on the tracks, mean over events"
@@ -143,14 +143,14 @@ EVENT_METRICS: tuple[type[FunctionMetric], ...] = (WarnDelay, WarnError, MissedW
 
 
 def function_metrics(functions: Mapping[str, Function]) -> tuple[FunctionMetric, ...]:
-    """Return the metrics of a scenario's functions."""
+    """Return the metrics of each driver assistance function, such as the delay of its warnings."""
     return tuple(
         _metric_of_function(kind, label, function) for label, function in functions.items() for kind in _kinds(function)
     )
 
 
 def published_metrics() -> list[FunctionMetric]:
-    """Return the metrics of all published functions, each once, with ``<function>`` as the function's name."""
+    """Return the metrics of all published driver assistance functions, each once, with ``<function>`` as the name."""
     metrics = [
         metric
         for function in FUNCTIONS.loaded().values()
@@ -160,7 +160,7 @@ def published_metrics() -> list[FunctionMetric]:
 
 
 def functions_among(metrics: Iterable[Metric]) -> dict[str, Function]:
-    """Return the functions to which some metrics belong, by name."""
+    """Return the driver assistance functions to which some metrics belong, by name."""
     return {metric.label: metric.function for metric in metrics if isinstance(metric, FunctionMetric)}
 
 

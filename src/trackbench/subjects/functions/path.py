@@ -24,15 +24,15 @@ class OnPath(NamedTuple):
     """Coordinates of objects along and across the ego's path, an arc of constant curvature; arrays ``(K, ...)``."""
 
     along: Array
-    """Distance from the ego's centre to the object's, along the arc, m."""
+    """Distance from the ego's centre to the object's centre, along the arc, m."""
     across: Array
-    """Distance to the left of the path, m."""
+    """Distance from the path, m: positive to the left."""
     speed: Array
     """Speed of the object along the path, by the path's direction at the point nearest to the object, m/s."""
     lateral_speed: Array
-    """Speed to the left, m/s."""
+    """Speed of the object across the path, m/s: positive to the left."""
     direction: tuple[Array, Array]
-    """Cosine and sine of the path's direction at its nearest point, in the fixed frame."""
+    """Cosine and sine of the path's direction at the point nearest to the object, in the fixed frame."""
     stretch: Array
     """Ratio of a way at the object's lateral distance to the way along the path: below 1 inside a curve."""
     turn: Array
@@ -51,7 +51,10 @@ class OnPath(NamedTuple):
         return self.along - self.lengths
 
     def gradient(self, partials: Sequence[Array | float]) -> Array:
-        """Return the derivatives by the state ``(4, K, ...)`` from those by along, across, speed and lateral speed."""
+        """Return a margin's derivatives with respect to px, py, vx, vy, ``(4, K, ...)``.
+
+        ``partials`` are its derivatives with respect to ``along``, ``across``, ``speed`` and ``lateral_speed``.
+        """
         along, across, speed, lateral = partials
         c, s = self.direction
         ahead = along / self.stretch + self.turn * (speed * self.lateral_speed - lateral * self.speed)
@@ -64,7 +67,10 @@ class OnPath(NamedTuple):
         return np.asarray(np.einsum("a...,ab...,b...->...", gradient, self.covariance, gradient))
 
     def probability_within(self, offset: Array | float = 0.0, after: float = 0.0) -> Array:
-        """Return the probability ``(K, ...)`` of overlap in width in ``after`` s; the path moves ``offset`` m left."""
+        """Return the probability ``(K, ...)`` that objects overlap the path in width ``after`` s from now.
+
+        The path is first moved ``offset`` m to the left.
+        """
         across = self.across + after * self.lateral_speed - offset
         variance = self.variance((0.0, 1.0, 0.0, after))
         return probability_positive(self.widths - across, variance) - probability_positive(

@@ -29,7 +29,7 @@ class Objects(NamedTuple):
     there: Mask
     """Whether an object is present, ``(K, ...)``."""
     length: Array
-    """Length, m, ``(K, ...)``, like ``width``; axes may have length 1."""
+    """Length of each object, m, ``(K, ...)``; axes of one element are broadcast. ``width`` has the same form."""
     width: Array
 
 
@@ -39,7 +39,7 @@ class Decision(NamedTuple):
     active: Mask
     """Whether the function warns or acts."""
     object: Indices
-    """Column of the object that the decision is about; -1 where there is none."""
+    """Index among the K objects of the object that the decision is about; -1 where there is none."""
     quantity: Array
     """Value of the function's quantity for that object; NaN where there is none."""
 
@@ -48,7 +48,7 @@ class Quantity(NamedTuple):
     """Quantity that a function computes for an object, such as the time to collision."""
 
     name: str
-    """Name of the metric of its error, without the ending ``_error``."""
+    """Name of the quantity; the metric of the quantity's error has this name with the ending ``_error``."""
     unit: str
     meaning: str
 
@@ -83,8 +83,8 @@ class Function(Config, ABC):
 def decision(possible: Mask, probability: Array, least: float, order: Array, quantity: Array) -> Decision:
     """Return the decision on K objects.
 
-    The function is active where the condition holds for any object with more than the ``least`` probability. The
-    decision is about the first of these objects by ``order``; without any, about the first possible object.
+    The function is active where the condition holds for some object with more than the ``least`` probability. The
+    decision is about the first such object in ``order``; without such objects, about the first possible object.
 
     Args:
         possible: objects that the decision may be about while inactive, ``(K, ...)``.

@@ -1,4 +1,4 @@
-"""The tables of functions: their decisions in the recorded run, and their events in all runs."""
+"""Tables of driver assistance functions: decisions in the recorded (drawn) run, and events in all runs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MOST_EVENTS = 100
 def function_records(
     work: Work, evaluated: Evaluated, recorded: Mapping[str, RecordedEstimates | RecordedTracks]
 ) -> Iterator[tuple[str, list[Record]]]:
-    """Yield the name and the records of both tables; nothing without functions."""
+    """Yield name and rows of the tables of decisions and events of assistance functions; nothing without functions."""
     functions = functions_among(work.metrics)
     if not functions:
         return

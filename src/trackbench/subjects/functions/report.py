@@ -56,7 +56,7 @@ _OF_DELAY = {
 
 
 def functions_section(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
-    """Yield the section with each function's decisions, numbers and worst events; nothing without functions."""
+    """Yield a section with each assistance function's decisions, metrics and events; nothing without functions."""
     labels = function_labels(path for tracker in result.scored for path in tracker.metrics)
     if labels:
         parts = (_one_function(result, label, shown) for label in labels)
@@ -92,7 +92,7 @@ def _metrics_table(result: Result, label: str) -> Table:
 
 
 def function_tables(result: Result) -> Iterator[Table]:
-    """Yield tables for the terminal: metrics that all functions have, then metrics of single functions."""
+    """Yield terminal tables of assistance functions: metrics that all have, then metrics of single functions."""
     labels = function_labels(path for tracker in result.scored for path in tracker.metrics)
     if not labels:
         return
@@ -120,7 +120,7 @@ def function_tables(result: Result) -> Iterator[Table]:
 
 
 def shown_metrics(result: Result) -> Iterator[str]:
-    """Yield the paths of the metrics of functions."""
+    """Yield the names of the metrics of driver assistance functions, such as ``warn_delay.fcw``."""
     paths = dict.fromkeys(path for tracker in result.scored for path in tracker.metrics)
     labels = function_labels(paths)
     return (path for path in paths if path.partition(".")[2] in labels)
@@ -241,7 +241,7 @@ def strip_of_decisions(
 
 
 def active_spans(time: Array, active: Array) -> list[tuple[float, float]]:
-    """Return the first instant of each activity, and the first instant after it or the last of all, s."""
+    """Return start and end of each interval of activity, s; the end is the next inactive instant, or the last one."""
     change = np.diff(np.concatenate([[0.0], active, [0.0]]))
     ends = np.append(time, time[-1])
     return list(zip(time[np.flatnonzero(change > 0)].tolist(), ends[np.flatnonzero(change < 0)].tolist(), strict=True))

@@ -54,11 +54,11 @@ class Answers(NamedTuple):
     """Outcome of the events ``(events,)`` on the truth and the intervals ``(N,)`` on a tracker's tracks."""
 
     delay: Array
-    """Time from the start of an event to the start of its answer, s; negative if early, at least ``-TOLERANCE``."""
+    """Time from the start of each event to the start of its answer, s, ``(events,)``; negative if early."""
     missing: Mask
-    """``(events,)`` whether each event on the truth has no answer on the tracks."""
+    """Whether each event on the truth has no answer on the tracks, ``(events,)``."""
     false: Mask
-    """Intervals that answer no event or begin too early, ``(N,)``."""
+    """Whether each interval on the tracks answers no event or begins too early, ``(N,)``."""
 
 
 def match_events(events: Spans, answers: Spans, time: Array, impact: Array) -> Answers:
@@ -121,38 +121,41 @@ class Times(NamedTuple):
 
     run: Indices
     start: Array
-    """First time of the interval, s; ``stop`` is its last."""
+    """Start of each interval, s; ``stop`` is the end: the first inactive instant, or the last instant."""
     stop: Array
     object: Indices
-    """Index of the true object at the start of each interval; -1 where there is none."""
+    """Index, among the scene's true objects, of the object at the start of each interval; -1 where there is none."""
 
     @classmethod
     def of(cls, spans: Spans, time: Array, object: Indices) -> Times:
-        """Return the times of spans, from the times ``(instants,)``, s, and the objects ``(instants, runs)``."""
+        """Return intervals in seconds from intervals of indices.
+
+        ``time`` ``(instants,)`` is in s; ``object`` ``(instants, runs)`` is the index of the true object, or -1.
+        """
         ends = np.append(time, time[-1])
         return cls(spans.run, ends[spans.start], ends[spans.stop], object[spans.start, spans.run])
 
     @classmethod
     def joined(cls, blocks: Sequence[Times], runs: Sequence[int]) -> Times:
-        """Join blocks with ``runs`` runs each, and number the runs of all blocks."""
+        """Join the intervals of blocks with ``runs`` runs each, and number the runs of all blocks consecutively."""
         firsts = np.cumsum([0, *runs[:-1]])
         numbered = [block._replace(run=block.run + first) for block, first in zip(blocks, firsts, strict=True)]
         return cls(*map(np.concatenate, zip(*numbered, strict=True)))
 
 
 class FunctionScores(NamedTuple):
-    """Sums of some runs, and all events."""
+    """Scores of a driver assistance function in some runs: sums by run, and every event with its delay."""
 
     sums: Array
-    """Sums with the rows ``ROWS``, ``(rows, runs)``."""
+    """Sums in each run, ``(rows, runs)``; ``ROWS`` has the names of the rows."""
     delay: Array
     """Delay of each event, s, ``(events,)``, in the order of runs."""
     missing: Mask
-    """Events without an answer, ``(events,)``."""
+    """Whether each event has no answer on the tracks, ``(events,)``."""
     events: Times
-    """Activity on the truth."""
+    """Intervals in which the function is active on the truth."""
     false: Times
-    """Activity on the tracks that answers no event."""
+    """Intervals of activity on the tracks that answer no event."""
 
     def of(self, row: str) -> Array:
         """Return one row of the sums, ``(runs,)``."""
@@ -164,20 +167,20 @@ class Decisions(NamedTuple):
 
     truth: Decision
     tracks: Decision
-    """Decisions on the tracks; ``object`` is the true object of the chosen track, -1 for a false track."""
+    """Decisions on the tracks; ``object`` is the index of the chosen track's true object, -1 for a false track."""
     chose: Mask
-    """Whether the function chose a track."""
+    """Whether the decision on the tracks is about a track, which can be a false track."""
     overlap: Mask
     """Whether a true object overlaps the ego."""
 
     @property
     def driving(self) -> Mask:
-        """Instants before the first overlap, ``(instants, runs)``."""
+        """Whether an instant is before the first overlap of the ego with a true object, ``(instants, runs)``."""
         return ~np.logical_or.accumulate(self.overlap, axis=0)
 
 
 class FunctionSums:
-    """Accumulator of one function, shared by its metrics, for known and for hidden identities.
+    """Accumulator of one assistance function's decisions, shared by its metrics, for known and hidden identities.
 
     Decisions count over the whole drive, from the first instant: a track that starts late warns late.
     """
@@ -217,7 +220,7 @@ class FunctionSums:
 
 
 def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisions:
-    """Return the decisions with known identities, where a track has the column of its object."""
+    """Return the decisions in some instants with known identities, where track k is the track of object k."""
     bodies = scope.bodies
     assert bodies is not None
     alive = scope.labelled.alive[chunk.instants].T[..., None]
@@ -253,7 +256,7 @@ def decisions_of_estimates(
 
 
 def decisions_of_run(function: Function, run: TrackedRun) -> Decisions:
-    """Return the decisions with hidden identities; a track has its object's size, a false track the nominal one."""
+    """Return the decisions with hidden identities; a track has its object's size, a false track the nominal size."""
     truth, tracks, bodies = run.truth, run.tracks, run.bodies
     assert bodies is not None
     objects, overlap = _true_objects(truth.state.transpose(0, 2, 1)[..., None], (truth.status > 0).T[..., None], bodies)
@@ -275,7 +278,7 @@ def decisions_of_run(function: Function, run: TrackedRun) -> Decisions:
 
 
 def _true_objects(state: Array, there: Mask, bodies: EgoScene) -> tuple[Objects, Mask]:
-    """Return the true objects, and where one overlaps the ego ``(instants, runs or 1)``."""
+    """Return the true objects, and whether a true object overlaps the ego, ``(instants, runs or 1)``."""
     length, width = bodies.length[:, None, None], bodies.width[:, None, None]
     objects = Objects(state, np.zeros((4, *state.shape)), there, length, width)
     positions = on_path(bodies.ego.each((slice(None), None)), objects)

@@ -89,7 +89,7 @@ class ReportableAudit(LogAudit):
     """Audit of a log. A notebook shows it as a page, ``print`` as text."""
 
     def json(self) -> dict[str, Any]:
-        """Return all results, as in ``audit.json``."""
+        """Return all results as a dictionary, with the keys of ``audit.json``."""
         return audit_content(self)
 
     def report(self) -> Report:

@@ -82,7 +82,7 @@ def yaml_to_paste(loaded: Scenario, findings: Iterable[LogFinding]) -> str:
 
 
 def audit_sensor(log: SensorLog, cycles: Cycles) -> SensorAudit:
-    """Audit one sensor by its measurements within the time of the truth, and by its scan cycles."""
+    """Return a sensor's errors, noise and detections, from measurements within the truth's time and scan cycles."""
     if len(log.log.time) < FEWEST_ROWS:
         return SensorAudit(log, (), detection_shares(log, cycles, {}))
     units = tuple(wrong_units(log))
@@ -104,7 +104,7 @@ UNEXPLAINED = 10.0
 
 @dataclass(frozen=True)
 class LogAudit:
-    """Results of the audit of a log."""
+    """Findings on a recorded log, with the measured properties of its sensors, clocks and velocities."""
 
     scenario: Scenario
     sensors: dict[str, SensorAudit]
@@ -260,16 +260,16 @@ def _is_refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
 
 
 class Squares(NamedTuple):
-    """Sizes of a sensor's errors, measurement minus truth, over standard deviations."""
+    """Sizes of a sensor's errors (measurement minus truth), divided by standard deviations."""
 
     mean: float
-    """Mean of the squared errors, each over the variance that the corrected scenario states; 1 is right."""
+    """Mean of the squared errors, each divided by the variance that the corrected scenario states; 1 is right."""
     typical: float
-    """Root median square of the worst component over the sigmas as logged; 1 for normal errors of these sigmas."""
+    """Root median square of the worst component's errors divided by the logged sigma; 1 if normal with this sigma."""
 
 
 def _squares(loaded: Scenario, recorded: Recorded, logged: Scenario) -> dict[str, Squares]:
-    """Return the error sizes of each sensor with labelled measurements; unlabelled ones may be false alarms."""
+    """Return the error sizes of each sensor with labelled measurements; unlabelled measurements can be false alarms."""
     squares = {}
     for name, sensor in sensor_logs(loaded, recorded).items():
         error, reference = sensor.residual({}) ** 2, sensor.reference_variance({})

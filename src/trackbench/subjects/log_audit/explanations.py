@@ -69,14 +69,14 @@ class _Linearised:
         self._half_length = 0.5 * float(max([log.truth.length_m, *bodies]))
 
     def interval(self, others: Sequence[str], name: str) -> BlockInterval:
-        """Return the interval of an error, estimated with only some other errors; unbounded where these hide it."""
+        """Return an error's interval, estimated together with the errors ``others``; unbounded where these hide it."""
         chosen = [self.names.index(error) for error in (*others, name)]
         if explained_share(self._cosines, chosen[-1], chosen[:-1])[1] < LEAST_INFORMATION:
             return BlockInterval(0.0, np.inf, 1)
         return block_intervals(self._columns[chosen], self._target, self._blocks)[-1]
 
     def effect(self, name: str, interval: BlockInterval) -> float:
-        """Return the RMS change of a measurement by an error, in standard deviations of its noise."""
+        """Return the RMS change of a measurement by an error, in standard deviations of the measurement's noise."""
         return abs(interval.value) * float(self._effects[self.names.index(name)])
 
     def matters(self, name: str, interval: BlockInterval) -> bool:
@@ -85,7 +85,7 @@ class _Linearised:
         return is_possible and self.effect(name, interval) >= EFFECT and interval.excludes(0.0, self._level)
 
     def rivals(self, name: str, others: Sequence[str]) -> dict[str, float]:
-        """Return the errors that could replace one error, shown beside others, each with its value."""
+        """Return the errors that explain the log as well in place of ``name``, with their values; ``others`` stay."""
         result = {}
         for rival in self.names:
             if rival == name or rival in others:

@@ -52,7 +52,7 @@ def _range_figure(
     stated: float | None = None,
     most: float = np.inf,
 ) -> Figure:
-    """Return a figure of a value by range with its intervals; ``texts`` are title, caption and alternative text."""
+    """Return a figure of a value against range, with intervals; ``texts`` are title, caption and alternative text."""
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel="range, m", ylabel=label)

@@ -59,7 +59,7 @@ class LogFinding:
 
 @dataclass(frozen=True)
 class SensorAudit:
-    """Results of the audit of one sensor."""
+    """Measured properties of one sensor of a log: wrong units, errors, noise and detections."""
 
     log: SensorLog
     units: tuple[WrongUnit, ...]
@@ -68,17 +68,17 @@ class SensorAudit:
     """Joint fit of the sensor's errors; None with too few measurements."""
     noise: tuple[ResidualNoise, ...] = ()
     square_before: float | None = None
-    """Mean square of measurement minus truth over the stated sigmas, as logged; 1 is right."""
+    """Mean square of measurement minus truth, each divided by the stated sigma, before corrections; 1 is right."""
     square_after: float | None = None
-    """Mean square of measurement minus truth over the sigmas of the corrected scenario; 1 is right."""
+    """Mean square of measurement minus truth, each divided by the corrected sigma, after corrections; 1 is right."""
     typical_after: float | None = None
-    """Typical error of the worst component over the stated sigma, after all corrections but the noise; 1 is right."""
+    """Ratio of the worst component's typical error to the logged sigma, after corrections but of noise; 1 is right."""
     unlabelled: Unlabelled | None = None
     """Statistics of detections without labels; None for a sensor with labels."""
 
     @property
     def tests(self) -> int:
-        """Number of hypotheses that are tested: errors, noises and the drift."""
+        """Number of hypotheses that the audit of the sensor tests: errors, noises and the drift of the clock."""
         errors = 0 if self.fit is None else len(self.fit.estimates) + len(self.log.errors)
         return 0 if self.fit is None else 1 + errors + len(sigma_keys(self.log))
 
@@ -373,7 +373,7 @@ def _noise_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
 
 
 def sigma_keys(log: SensorLog) -> dict[str, list[int]]:
-    """Return the keys that state a sensor's noise, each with the numbers of its components."""
+    """Return the scenario keys that state a sensor's noise, each with the indices of its measurement components."""
     components: dict[str, list[int]] = {}
     for i, key in enumerate(log.config.sigma_options):
         components.setdefault(key, []).append(i)

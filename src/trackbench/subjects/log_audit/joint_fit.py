@@ -32,7 +32,7 @@ FEWEST_ROWS = 20
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Estimate of one error of a sensor."""
+    """Estimate of one systematic error of a sensor, such as a time offset or a bias."""
 
     name: str
     unit: str
@@ -40,7 +40,7 @@ class ErrorEstimate:
     effect: float
     """RMS change of a measurement by the error, in standard deviations of the measurement's noise."""
     rivals: dict[str, float] = field(default_factory=dict)
-    """Other errors that would explain the log equally well in place of this one, each with its value."""
+    """Other errors that would explain the log equally well in place of this error, each with its value."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ class JointFit:
     derivatives: Array
     """Derivatives of the expected measurement by the estimated errors, ``(p, m, rows)``."""
     inlier: Mask
-    """Rows that the fit uses, ``(rows,)``."""
+    """Whether the fit uses each row, ``(rows,)``."""
     outlier: Mask
-    """Outliers, ``(rows,)``; rows at the edge of the truth's time are neither inliers nor outliers."""
+    """Whether each row is an outlier, ``(rows,)``; False as well for rows at the edge of the truth's time."""
     blocks: Blocks
-    """Blocks of inliers for the bootstrap."""
+    """Division of the inliers into blocks, which the bootstrap resamples."""
 
     @property
     def errors(self) -> dict[str, float]:
@@ -158,12 +158,12 @@ def _identifiable(
 
 
 def explained_share(cosines: Array, error: int, others: list[int]) -> tuple[Array, float]:
-    """Return coefficients ``(others,)`` that express one error by others, and the share of its information left.
+    """Return coefficients ``(others,)`` that express one error by others, and its share of information that is left.
 
     Args:
         cosines: cosines of the angles between the derivatives of all errors, ``(p, p)``.
-        error: number of the error.
-        others: numbers of the other errors.
+        error: index of the error in ``cosines``.
+        others: indices of the other errors in ``cosines``.
     """
     if not others:
         return np.empty(0), 1.0
@@ -172,7 +172,7 @@ def explained_share(cosines: Array, error: int, others: list[int]) -> tuple[Arra
 
 
 def solve_errors(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
-    """Return the best values of some errors, with all other errors zero."""
+    """Return the least-squares values of the errors ``names``, by name, with all other errors zero."""
     errors = dict(start)
     for _ in range(STEPS):
         derivatives, residual, _, scale, inlier = _linearised(log, names, errors)

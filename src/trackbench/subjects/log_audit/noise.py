@@ -30,7 +30,7 @@ IN_BAND, BANDS = 30, 6
 
 @dataclass(frozen=True)
 class Band:
-    """Value in a band of the range, such as a standard deviation or a share of detections."""
+    """Value with its interval in a band of target range, such as a noise standard deviation or share of detections."""
 
     from_m: float
     to_m: float
@@ -40,7 +40,7 @@ class Band:
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """Noise of one component of a measurement, estimated from its residuals, beside the stated noise."""
+    """Noise of one component of a measurement: estimated from the component's residuals, and as stated."""
 
     name: str
     unit: str
@@ -49,11 +49,11 @@ class ResidualNoise:
     stated: float
     """Standard deviation that the scenario states."""
     bands: tuple[Band, ...]
-    """Standard deviation by range."""
+    """Standard deviation in each band of target range."""
 
 
 def residual_noises(log: SensorLog, fit: JointFit) -> tuple[ResidualNoise, ...]:
-    """Return the noise of each component."""
+    """Return each measurement component's noise: its standard deviation overall and in bands of target range."""
     distance = log.polar(log.log.time, log.log.object, fit.errors)[0, fit.inlier]
     all_rows = np.ones(len(distance), dtype=bool)
     return tuple(
@@ -115,12 +115,12 @@ class Detections:
     rate_hz: float | None
     """Scan cycles a second, from the median interval; None where there is no regular interval."""
     chances: int
-    """Number of pairs of a cycle and an object in the field of view."""
+    """Number of pairs of a scan cycle and an object in the field of view, which could be detected."""
     share: BlockInterval
     bands: tuple[Band, ...]
-    """Share of detections by range."""
+    """Share of chances in which the object was detected, in each band of target range."""
     silent_from_s: float | None
-    """Begin of the longest time without a detection that chance does not explain; None where there is none."""
+    """Start, s, of the longest time without detections that chance does not explain; None where there is none."""
     silent_for_s: float
 
 
@@ -190,7 +190,7 @@ def _share(time: Array, owner: Indices, hit: Mask) -> BlockInterval:
 
 
 def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:
-    """Return the change of the time offset from the log's start to its end, s; None if it shows no time offset.
+    """Return the change of the time offset from the log's start to its end, s; None if the log shows no offset.
 
     It is the slope over time of the residuals, in units of a time offset's effect.
     """
@@ -223,13 +223,13 @@ class Unlabelled:
 
     scans: int
     per_scan: BlockInterval
-    """Number of detections in a scan."""
+    """Mean number of detections in a scan."""
     near: BlockInterval
-    """Share of the detections that belong to a box: the nearest within the gate, at most one for each box."""
+    """Share of the detections that are assigned to a box within the gate, in each scan at most one for each box."""
     others: BlockInterval
-    """Number of detections in a scan near no box: false alarms, and objects without a box."""
+    """Mean number of detections in a scan near no box: false alarms, and objects without a box."""
     stated_others: float
-    """Number of false alarms in a scan that the sensor states."""
+    """Mean number of false alarms in a scan by the clutter density that the scenario states."""
 
 
 def with_boxes(name: str, config: Sensor, drive: Drive, truth: RecordingTruth) -> Log:
@@ -282,7 +282,7 @@ def unlabelled_detections(sensor: SensorLog) -> Unlabelled:
 
 
 def _counts(scans: Array, time: Array) -> Array:
-    """Return the number of times that equal each scan's time, ``(scans,)``."""
+    """Return how many elements of ``time`` equal the time of each scan, ``(scans,)``."""
     return np.bincount(np.searchsorted(scans, time), minlength=len(scans)).astype(float)
 
 

@@ -1,4 +1,4 @@
-"""The measurements of one sensor of a log beside the expected ones, and checks that need no fit.
+"""The measurements of one sensor of a log, the measurements that its truth predicts, and checks that need no fit.
 
 The reference is the recorded truth, which is noisy itself; its velocities are compared with its positions.
 """
@@ -29,11 +29,11 @@ _FREEDOM = 2 * float((np.correlate(THIRD, THIRD, "full") ** 2).sum()) / float((T
 
 @dataclass(frozen=True)
 class ReferenceNoise:
-    """Noise of the reference, independent from row to row."""
+    """Noise of the reference (the recorded truth), independent from row to row."""
 
     drive: Drive
     objects: tuple[tuple[float, float], ...]
-    """Standard deviation of position and velocity of each object, m and m/s."""
+    """For each object the standard deviations of position, m, and velocity, m/s."""
     observer: tuple[float, float, float]
     """Standard deviation of position, velocity and heading of the sensors' carrier, m, m/s and rad."""
     reach_s: float
@@ -42,7 +42,7 @@ class ReferenceNoise:
     """Relative standard deviation of the estimated variances."""
 
     def variance(self, time: Array, owner: Indices) -> Array:
-        """Return variances ``(5, rows)`` of objects' px, py, vx, vy relative to the observer, and of its heading."""
+        """Return variances ``(5, rows)`` of px, py, vx, vy of objects relative to the observer, and of its heading."""
         variance = np.zeros((5, len(time)))
         for number, (motion, sigmas) in enumerate(zip(self.drive.motions.values(), self.objects, strict=True)):
             is_own = owner == number
@@ -57,7 +57,7 @@ class ReferenceNoise:
 
 
 def reference_noise(drive: Drive) -> ReferenceNoise:
-    """Estimate the noise of a reference from its rows."""
+    """Estimate the noise of the reference (the recorded truth) from its rows."""
     objects = tuple(body_sigmas(motion) for motion in drive.motions.values())
     carried, observer = drive.observer, (0.0, 0.0, 0.0)
     if carried is not None:
@@ -103,13 +103,13 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class VelocityCheck:
-    """Comparison of a body's velocity in the truth with its displacement."""
+    """Comparison of a body's velocity as the truth states it with the velocity of its positions (displacement)."""
 
     name: str
     difference: float
-    """Median length of the difference of the two velocities, m/s."""
+    """Median length of the stated velocity minus the displacement's velocity, m/s."""
     scale: float
-    """Ratio of the displacement's velocity to the stated one."""
+    """Ratio of the displacement's velocity to the stated velocity."""
     unit: str | None
     """Other unit in which the stated speed would fit; None where no other unit fits."""
 
@@ -166,7 +166,7 @@ class SensorLog:
     drive: Drive
     truth: RecordingTruth
     noise: ReferenceNoise
-    """Noise of the reference."""
+    """Noise of the reference, which is the recorded truth."""
     factors: Array
     """Factor on each component, ``(m,)``; it differs from 1 where the unit was found to be wrong."""
 
@@ -196,15 +196,15 @@ class SensorLog:
         return self.log.measurement * self.factors[:, None]
 
     def rows(self, numbers: Indices) -> SensorLog:
-        """Return the log with only the rows of some numbers."""
+        """Return the log with only the rows that have the indices ``numbers``."""
         log = self.log
         time, owner, measurement = log.time[numbers], log.object[numbers], log.measurement[:, numbers]
         return replace(self, log=log._replace(time=time, object=owner, measurement=measurement))
 
     def expected(self, errors: Mapping[str, float]) -> Array:
-        """Return the noise-free measurements ``(m, rows)`` of a sensor with some errors; NaN outside the truth.
+        """Return the noise-free measurements ``(m, rows)`` of a sensor with ``errors``; NaN outside the truth's time.
 
-        Beside the sensor's errors, "px", "py", "vx" and "vy" are errors of the truth of all objects.
+        Besides sensor errors, ``errors`` can have "px", "py", "vx" and "vy": errors of the truth of all objects.
         """
         time = self.log.time + errors.get("time_offset", 0.0)
         target = self.target(time, self.log.object, errors.get(BODY_POINT, 0.0))
@@ -229,7 +229,7 @@ class SensorLog:
 
         Args:
             time: times ``(n,)``, s.
-            owner: number of the object, ``(n,)``.
+            owner: index of the object at each time, ``(n,)``.
             ahead: distance of the returned point in front of the truth's point, m.
         """
         state = np.full((4, len(time)), np.nan)
@@ -242,13 +242,13 @@ class SensorLog:
         return state
 
     def observer(self, time: Array) -> Observer:
-        """Return the motion of the sensor's carrier at some times."""
+        """Return the motion of the sensor's carrier at times ``time``, s."""
         if self.drive.observer is None:
             return fixed_observer(self.truth.observer, len(time))
         return carrier(self.drive.observer, time)
 
     def derivatives(self, errors: Mapping[str, float], names: list[str]) -> Array:
-        """Return the derivatives ``(p, m, rows)`` of the expected measurement by errors, from central differences."""
+        """Return derivatives ``(p, m, rows)`` of the expected measurement with respect to the errors ``names``."""
         # Between two rows the derivative by time would have the same reference noise as the residual. Over a whole
         # interval to either side, the noise of common rows cancels.
         steps = {**_STEPS, "time_offset": self.noise.reach_s}
@@ -292,19 +292,19 @@ def _moved_along_course(motion: Motion, ahead: float) -> Motion:
 
 @dataclass(frozen=True)
 class Clock:
-    """Times of a sensor's rows, or of the truth's rows."""
+    """Statistics of the time stamps of a sensor's rows, or of the truth's rows."""
 
     name: str
     order: RowOrder
     outside: int
     """Number of rows outside the time of the truth."""
     usual_s: float | None
-    """Median interval between different times; None with a single time."""
+    """Median interval between successive different time stamps; None with a single time stamp."""
     longest_gap_s: float
 
 
 def clock_of(name: str, time: Array, order: RowOrder, outside: int = 0) -> Clock:
-    """Return the clock of a sensor or the truth from the times ``(rows,)``, s, and the order of its rows."""
+    """Return statistics of the time stamps ``(rows,)``, s, of a sensor or the truth, with the order of the rows."""
     intervals = np.diff(np.unique(time))
     if not len(intervals):
         return Clock(name, order, outside, None, 0.0)
@@ -322,11 +322,11 @@ class WrongUnit:
     component: str
     stated: str
     fits: str
-    """Unit in which the component fits."""
+    """Unit in which the component fits the truth."""
     turned: bool
-    """Whether the sign is reversed."""
+    """Whether the component fits the truth with the opposite sign."""
     factor: float
-    """Factor that corrects the measurement as read."""
+    """Factor by which the measurement as read must be multiplied to fit the truth."""
     spread: tuple[float, float]
     """Spread of the residuals in the stated and in the fitting unit, SI units and rad."""
 

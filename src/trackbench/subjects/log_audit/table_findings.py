@@ -63,7 +63,7 @@ def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None])
 
 
 def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """Yield a finding for each unit of speed that explains wrong velocities, and one for those that none explains."""
+    """Yield a finding for each unit that explains wrong velocities, and one for all that no unit explains."""
     by_unit: dict[str | None, list[VelocityCheck]] = {}
     for check in checks:
         if check.contradicts:
@@ -139,7 +139,7 @@ def _ego_finding(key: str, column: Column, evidence: str) -> LogFinding:
 
 
 def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:
-    """Yield a finding on each object whose truth has holes, which are bridged by a straight line."""
+    """Yield a finding on each object whose truth has gaps in time, which are bridged by a straight line."""
     for name, motion in motions.items():
         intervals = np.diff(motion.time)
         if not len(intervals):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of an opening (``--at``, ``--worst``, ...) to a command, which gets them as ``opening``."""
+    """Add the options for where a recording opens (``--at``, ``--worst``, ...) to a command that gets ``opening``."""
 
     @click.option("--at", "at_s", type=Finite(0), metavar="T", help="At this time, in seconds.")
     @click.option(

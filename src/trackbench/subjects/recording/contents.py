@@ -24,28 +24,28 @@ from trackbench.subjects.recording.thinning import AROUND_S, MOST, WORST, instan
 
 @dataclass(frozen=True)
 class Contents:
-    """Tables, colours and names that a recording draws."""
+    """Tables, colours and names of trackers and vehicles that a recording displays."""
 
     result: Result
     colours: Mapping[str, str]
-    """Colour of each drawn tracker, by name."""
+    """Colour of each tracker that the recording displays, by name."""
     tables: Tables
-    """Tables with the rows of the drawn trackers, at all instants."""
+    """Tables with the rows of the displayed trackers, at all instants."""
     scene: Tables
-    """Tables with the rows of the drawn trackers, at the instants of :func:`thin_tables`."""
+    """Tables with the rows of the displayed trackers, at the instants that :func:`thin_tables` keeps."""
     stored: Tables
-    """Tables with the rows of all trackers, at the instants of :func:`thin_tables`."""
+    """Tables with the rows of all trackers, at the instants that :func:`thin_tables` keeps."""
     vehicles: list[str]
     """Names of the tracked vehicles."""
     sensors: Mapping[str, SensorSummary]
     hidden: bool
     """Whether the identities of the vehicles are hidden from the trackers."""
     decisions: pa.Table
-    """Table of the decisions of functions; empty without functions."""
+    """Table of the decisions of driver assistance functions; empty without such functions."""
 
     @cached_property
     def moment(self) -> Focus:
-        """Moment that is worth seeing first."""
+        """Time and vehicle of the recorded run that are worth seeing first."""
         return moment_of(self.result)
 
     @property
@@ -64,12 +64,12 @@ class Contents:
 
     @property
     def mapped(self) -> Mapping[str, str]:
-        """Colour of each tracker with a map, by name: all plotted ones with known identities, none with hidden ones."""
+        """Colour of each tracker with a map, by name: all plotted trackers; none with hidden identities."""
         return {} if self.hidden or not self.tables.if_there("estimates").num_rows else self.plotted
 
 
 def contents_of(result: Result) -> Contents:
-    """Return the contents of a run's recording."""
+    """Return the tables, colours and names that the recording of a run draws."""
     drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
     names = [name for name in result if name in drawn]
     colours = tracker_colours({name: result.places[name] for name in names})
@@ -84,7 +84,7 @@ def contents_of(result: Result) -> Contents:
 
 
 def rows_of_trackers(table: pa.Table, trackers: list[str]) -> pa.Table:
-    """Return the rows of some trackers; a table without trackers stays whole."""
+    """Return a table's rows of some trackers; a table without the column ``tracker`` is returned whole."""
     return table.filter(pc.is_in(table["tracker"], pa.array(trackers))) if "tracker" in table.column_names else table
 
 

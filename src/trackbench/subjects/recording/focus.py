@@ -25,9 +25,10 @@ class Opening:
     """Rank of the moment among the worst ones: 1 for the largest position error or costliest event."""
     vehicle: str | None = None
     tracker: str | None = None
-    """Tracker whose moments count; None for all contenders that filter. With hidden identities its tracks are shown."""
+    """Tracker whose worst moments count; None for all ranked trackers that filter. With hidden identities the viewer
+    displays this tracker's tracks."""
     function: str | None = None
-    """Assistance function whose wrong decisions count as the worst moments."""
+    """Driver assistance function whose wrong decisions count as the worst moments; None for errors or track events."""
 
 
 @dataclass(frozen=True)
@@ -39,15 +40,15 @@ class Focus:
     error_m: float = 0.0
     """Position error, m, up to which the value axis of the vehicle's error plot must reach."""
     tracker: str | None = None
-    """Tracker whose tracks are shown, with hidden identities."""
+    """Tracker whose tracks are displayed, with hidden identities; None for the best tracker."""
     function: str | None = None
-    """Assistance function whose lanes are shown."""
+    """Driver assistance function at whose wrong decision the recording opens; None for another moment."""
     offset: tuple[float, float] = (0.0, 0.0)
     """Position of the event relative to the vehicle in the middle, with hidden identities, m in x and y."""
 
 
 def focus_of(result: Result, opening: Opening) -> Focus:
-    """Return the focus with which a run opens.
+    """Return the time and the vehicle at which the recording of a run opens.
 
     Raises:
         InputError: the run lacks the vehicle, tracker, time or moment.
@@ -140,9 +141,9 @@ def _require_present(result: Result, vehicle: str, time_s: float) -> None:
 
 
 def moment_of(result: Result) -> Focus:
-    """Return the moment of the recorded run that is worth seeing first.
+    """Return the time and vehicle of the recorded run that are worth seeing first.
 
-    With functions it is the moment when the first one should decide. Otherwise it is the largest error of any
+    With functions it is the time at which the first function should act. Otherwise it is the largest error of any
     contender, or with hidden identities the costliest event of the best contender.
     """
     for rows in split(result.tables.if_there("decisions"), "function").values():
@@ -156,7 +157,7 @@ def moment_of(result: Result) -> Focus:
 
 
 def _require_tracker_fits(result: Result, opening: Opening, tracker: str) -> None:
-    """Refuse a tracker that has no tracks, or with known identities one that is named without ``--worst``."""
+    """Refuse a tracker that has no tracks, or that is named without ``--worst`` although identities are known."""
     if result.summary.identities == "hidden":
         failed = result[require_name(tracker, list(result), "tracker")].failed
         if failed is not None:
@@ -173,7 +174,7 @@ def costly_events(result: Result, tracker: str | None, vehicle: str | None) -> l
 
 
 def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:
-    """Return the vehicle of an event, or the nearest one, and the event's position relative to it, m."""
+    """Return the vehicle of an event, or else the nearest vehicle, and the event's position relative to it, m."""
     offsets = {}
     for (_, name), rows in split(result.tables.truth, "role", "object").items():
         step = int(np.searchsorted(rows["time_s"], event.time_s - 1e-9))

@@ -1,4 +1,4 @@
-"""The decisions of assistance functions in the recorded run: one lane for the truth and one for each tracker."""
+"""Decisions of assistance functions in the recorded run: a lane (row of the time line) for truth and each tracker."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def send_functions(
     events: Iterable[FunctionEvent],
     colours: Mapping[str, str],
 ) -> None:
-    """Send the lanes of all functions.
+    """Send the decisions of all assistance functions to the recording, as lanes (rows of its time line).
 
     Args:
         stream: the recording.
@@ -65,7 +65,7 @@ def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
 
 
 def lanes_view() -> rrb.StateTimelineView:
-    """Return the view with the lanes of all functions, one below the other."""
+    """Return the view with the lanes (rows of the time line) of all assistance functions, one below the other."""
     return rrb.StateTimelineView(
         origin=path(LANES), name="Functions", time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
     )

@@ -72,7 +72,7 @@ def errors_at(result: Result, time: float) -> Iterator[Table]:
 
 
 def tracks_at(result: Result, time: float, only: str | None) -> Iterator[Table]:
-    """Yield tables of due vehicles without a track, and of all tracks, at the latest instant up to a time, s.
+    """Yield tables of vehicles that lack a track, and of all tracks, at the latest instant up to a time, s.
 
     ``only`` is the name of one tracker; None for all trackers.
     """

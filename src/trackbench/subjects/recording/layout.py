@@ -167,7 +167,7 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
 
 
 def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: Focus) -> rrb.Blueprint:
-    """Return the layout with hidden identities: a tab for each tracker, with the one in focus or the best in front."""
+    """Return the layout with hidden identities: a tab for each tracker, in front the one in focus or the best one."""
     # Without a vehicle in focus, a close view might show an empty place.
     window = close = wide
     if focus.vehicle is not None:
@@ -217,7 +217,7 @@ def _complete(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Blue
 
 
 def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:
-    """Return the layout of a live view, which follows the trackers of the recorded run."""
+    """Return the layout of a live view, which follows the trackers while the run goes on."""
     scene = scene_views(wide, _vehicles_with_plots(vehicles, WHOLE), sensors, colours, WHOLE)
     empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
     below = rrb.Horizontal(*(plot(chart, whole=True) for chart in (*empty.errors, empty.nees)))
@@ -247,7 +247,7 @@ BEFORE_S, AFTER_S = 3.0, 3.0
 def with_time_panel(
     container: rrb.Container, play_state: Literal["playing", "paused", "following"], moment: float | None = None
 ) -> rrb.Blueprint:
-    """Return a layout with its time panel, which repeats the whole time, or the time around a moment (s)."""
+    """Return a layout with a time panel, which loops over the whole time, or over the time around ``moment`` (s)."""
     loop: dict[str, Any] = {"loop_mode": "all"} if play_state == "playing" else {}
     if moment is not None:
         ends = (round(1e9 * max(0.0, moment - BEFORE_S)), round(1e9 * (moment + AFTER_S)))

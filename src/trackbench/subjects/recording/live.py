@@ -117,7 +117,7 @@ def truth_of_run(truth: Truth, run: int) -> Truth:
 
 
 class LiveScene:
-    """Run on the viewer, up to its latest instant."""
+    """Drawing of one run in the viewer while the run goes on, up to the latest instant."""
 
     def __init__(self, url: str, live: LiveRun) -> None:
         self._live = live
@@ -149,7 +149,7 @@ class LiveScene:
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
     def draw_estimates(self, instants: list[RecordedInstant]) -> None:
-        """Draw the estimates of trackers at some instants; a failed tracker has no further ones."""
+        """Draw the estimates of trackers at some instants; a failed tracker has no further estimates."""
         if not len(self._steps):
             return
         truth, nothing, records = self._live.truth, pa.table({}), []

@@ -40,7 +40,7 @@ def _values(moment: Moment) -> dict[str, Any]:
 
 
 def moments_table(moments: Sequence[Moment], caption: str = "") -> Table:
-    """Return a table with a row for each of at least one moment; all must be of one kind."""
+    """Return a table with a row for each moment; there must be at least one, and all must have the same class."""
     return rows_table(MOMENTS[type(moments[0])], [_values(moment) for moment in moments], caption)
 
 

@@ -46,7 +46,7 @@ ByTracker = dict[str, Columns]
 
 
 class Charts(NamedTuple):
-    """Charts of one set of runs and vehicles."""
+    """Charts of errors, NEES, NIS and mode probabilities for one choice of runs and vehicles."""
 
     errors: tuple[Chart, ...]
     """Errors of position and velocity."""
@@ -70,7 +70,10 @@ class AllCharts(NamedTuple):
 
 
 def charts_of(contents: Contents) -> AllCharts:
-    """Return all charts of a recording; baseline trackers are not drawn."""
+    """Return charts of errors, NEES, NIS and modes: over all runs, of the recorded run, and of each vehicle.
+
+    Baseline trackers have no lines in them.
+    """
     tables, colours = contents.tables, contents.plotted
     parts = (tables.estimates, tables.recorded_nis, tables.if_there("recorded_modes"))
     vehicles = {}
@@ -189,7 +192,7 @@ def _lines(
 
 
 def _with_gaps(rows: Columns, value: str, gap: float = GAP_S) -> tuple[Array, Array]:
-    """Return times and values, with a missing value inserted where none follows within ``gap`` s."""
+    """Return times and values, with NaN inserted where no value follows within ``gap`` s, which breaks the line."""
     time, values = rows["time_s"], rows[value]
     before = np.flatnonzero(np.diff(time) > gap)
     return np.insert(time, before + 1, time[before] + gap), np.insert(values, before + 1, np.nan)
@@ -213,7 +216,7 @@ def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mappin
 
 
 def _agree(a: Columns, b: Columns, field: str) -> bool:
-    """Return whether two bounds agree at nearly all common instants, since tracks may start a measurement apart."""
+    """Return whether two bounds agree at nearly all common instants; tracks can start a measurement apart."""
     _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)

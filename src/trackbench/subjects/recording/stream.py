@@ -100,7 +100,7 @@ def outlines(at: Array, p_00: Array, p_01: Array, p_11: Array) -> npt.NDArray[np
 
 
 def counts(when: Array, time: Array) -> Count:
-    """Return the number of rows at each instant, ``(instants,)``; ``when`` has the time of each row, s."""
+    """Return how many rows lie at each instant of ``time``, ``(instants,)``; ``when`` has the time of each row, s."""
     return np.bincount(np.searchsorted(time, when - 1e-9), minlength=len(time))
 
 

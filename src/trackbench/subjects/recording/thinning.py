@@ -19,7 +19,7 @@ BY_INSTANT = ("truth", "estimates", "tracks", "taken", "gates", "due")
 
 
 def instants(tables: Tables) -> Array:
-    """Return the instants of the recorded run at which anything is drawn, ``(instants,)`` s."""
+    """Return the instants at which the recorded run has estimates, tracks or measurements, ``(instants,)`` s."""
     sources = [tables.if_there(name) for name in ("estimates", "due", "tracks", "measurements")]
     return np.unique(np.concatenate([table["time_s"] for table in sources if table.num_rows] or [np.empty(0)]))
 
@@ -27,8 +27,8 @@ def instants(tables: Tables) -> Array:
 def thin_tables(result: Result) -> Tables:
     """Return the tables of a run; a long run's tables keep the rows of some instants only.
 
-    These instants are kept: evenly spaced ones, all that are near the moment worth seeing first, and the worst of each
-    tracker and vehicle. The latest scan of every sensor before each is kept too.
+    These instants are kept: evenly spaced ones, all near the moment worth seeing first, and the worst moments of each
+    tracker and vehicle. The latest scan of every sensor before each kept instant is kept as well.
     """
     tables, time = result.tables, instants(result.tables)
     if len(time) <= MOST:
@@ -49,7 +49,7 @@ def thin_tables(result: Result) -> Tables:
 
 
 def extremes(values: Array) -> Indices:
-    """Return the places of the points of a line that are drawn: all points, or about ``MOST`` of a long line.
+    """Return the indices of the points of a line that are drawn: all points, or about ``MOST`` of a long line.
 
     Kept are both ends and, in each of ``MOST / 2`` stretches, the lowest, the highest and a missing value.
     """

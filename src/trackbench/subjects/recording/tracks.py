@@ -39,12 +39,12 @@ FAINTEST = 0.2
 
 
 def trails(trackers: Iterable[str]) -> dict[str, float]:
-    """Return the duration, s, for which a view shows each trail, by entity."""
+    """Return the duration, s, for which a view shows each trail (path of the last seconds), by entity."""
     return dict.fromkeys([path(*TRUE_TRAILS), *(path(*TRACK_TRAILS, name) for name in trackers)], TRAIL_S)
 
 
 def entities_of_tracker(tracker: str) -> dict[str, float]:
-    """Return the duration, s, for which a view of one tracker shows each entity; 0 shows the latest alone."""
+    """Return the duration, s, for which a view of one tracker shows each entity; 0 shows the latest instant alone."""
     return {
         path(*TRACKS, tracker): 0.0,
         path(*COVARIANCES, tracker): 0.0,
@@ -55,7 +55,7 @@ def entities_of_tracker(tracker: str) -> dict[str, float]:
 
 
 def tracker_families() -> list[str]:
-    """Return the parent entities below which each tracker has one; a view of one tracker hides all others."""
+    """Return the entities that have a child for each tracker; a view of one tracker hides all other children."""
     return [path(*family) for family in (TRACKS, COVARIANCES, TRACK_TRAILS, MISSES, MARKS, ASSOCIATIONS)]
 
 
@@ -87,7 +87,10 @@ def send_tracks(stream: Stream, tracker: str, tracks: Columns, time: Array, colo
 
 
 def send_misses(stream: Stream, tracker: str, objects: pa.Table, truth: pa.Table, time: Array) -> None:
-    """Send a ring around each due vehicle without a track, at all instants (s); ``objects`` has the tracker's rows."""
+    """Send a ring around each vehicle that should have a track and has none, at all instants (s).
+
+    ``objects`` has the tracker's rows of the table ``objects``.
+    """
     vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
     parts = [np.empty((0, 3))]
     for (name, state), states in split(objects, "object", "state").items():

@@ -66,7 +66,7 @@ class Window(NamedTuple):
 
 
 def wide_window(truth: pa.Table) -> Window:
-    """Return the observer's view, large enough for nearby vehicles most of the time; a fixed size without any."""
+    """Return the observer's view, large enough for nearby vehicles most of the time; a fixed size without vehicles."""
     vehicles = split(truth, "role", "object")
     observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
     targets = [rows for (role, _), rows in vehicles.items() if role == "target"]
@@ -186,7 +186,7 @@ def send_maps(stream: Stream, tables: Tables, trackers: Mapping[str, str]) -> No
 
 
 def maps_view(tables: Tables, trackers: Iterable[str]) -> rrb.Container:
-    """Return the maps of all trackers."""
+    """Return a view with a map for each tracker: estimated paths over the true paths."""
     at = np.concatenate(_paths(tables.truth))
     (left, low), (right, high) = at.min(axis=0) - MARGIN, at.max(axis=0) + MARGIN
     views = [

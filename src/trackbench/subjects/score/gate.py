@@ -1,4 +1,4 @@
-"""The gates of a score: limits on a metric, absolute or relative to the first file."""
+"""The gates of a score: limits on a metric, absolute or relative to the first file of tracks."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ OPTION = "--gate"
 
 
 class Gate(NamedTuple):
-    """Limit on a metric."""
+    """Limit on a metric that tracks have to keep: a value, or a percentage of the first file's value."""
 
     metric: str
     limit: float
     relative: bool
-    """Whether the limit is a percentage of the first file's value."""
+    """Whether the limit is a percentage of the value of the first file of tracks."""
 
     @classmethod
     def parse(cls, text: str) -> Gate:
@@ -45,7 +45,7 @@ class Gate(NamedTuple):
         return cls(metric, limit, relative)
 
     def require_files(self, number: int) -> None:
-        """Refuse a percentage if there is no first file to refer to.
+        """Refuse a limit relative to the first file of tracks if there is no second file.
 
         Raises:
             InputError: the gate is relative and there is only one file.
@@ -56,7 +56,7 @@ class Gate(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Condition in words."""
+        """Condition of the gate in words: "gospa at most 0.8"."""
         smaller = TRACK_METRICS[self.metric].better == "smaller"
         if self.relative:
             return f"{self.metric} not worse than that of the first file by more than {self.limit:g} %"
@@ -69,7 +69,7 @@ class JudgedGate(NamedTuple):
     tracker: str
     metric: str
     limit: float | None
-    """Limit in the unit of the metric; None where it is relative to the first file of tracks and that has no value."""
+    """Limit in the unit of the metric; None for a relative limit if the first file of tracks has no value."""
     value: float | None
     unit: str
     ci95: tuple[float, float] | None

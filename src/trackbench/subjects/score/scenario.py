@@ -32,7 +32,7 @@ TABLES = ("csv", "parquet")
 
 
 class FileOptions(NamedTuple):
-    """Options of all files that their names do not tell."""
+    """Options for reading the files of tracks and boxes, such as columns and formats, common to all files."""
 
     columns: Sequence[tuple[str, str]]
     """Pairs of a key and a column of the files. A unit may end the column's name: ``timestamp:ns``. A key comes again
@@ -100,7 +100,7 @@ def scoring_scenario(
 
 
 def _stretches(times: Sequence[Array]) -> int:
-    """Return the number of stretches into which each sequence is divided; 0 for enough or too short sequences."""
+    """Return the number of stretches into which each sequence is divided for intervals; 0 to leave sequences whole."""
     shortest = min(float(np.ptp(time)) for time in times)
     count = min(MOST_STRETCHES, int(shortest / SHORTEST))
     if len(times) >= FEWEST_SCENES or count < 2 or count * len(times) < FEWEST_SCENES:
@@ -150,7 +150,7 @@ def _entry_of_sequences(files: Sequence[Path], options: FileOptions, folder: Pat
 
 
 def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
-    """Return the scenario's entry for a file: path, format and options."""
+    """Return the scenario's values for a file of tracks or boxes: path, format and options."""
     form = _format(file, options)
     entry = {"path": os.path.relpath(file.absolute(), folder.absolute()), "format": form}
     if form not in TABLES:

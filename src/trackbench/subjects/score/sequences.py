@@ -28,7 +28,7 @@ def pair_sequences(
     """Pair files of tracks with files of boxes.
 
     With one file of boxes each file of tracks is a tracker. With several, a folder of tracks is a tracker; without
-    folders, all files of tracks together are one. Files are paired by their names without the ending.
+    folders, all files of tracks together are one tracker. Files are paired by their names without the ending.
 
     Args:
         tracks: files or folders.

@@ -1,6 +1,7 @@
 """Servers of trackers: a simulator sends measurements over the network and gets estimates.
 
-A tracker of a scenario and the frames of a client come in; frames with estimates go out. Read ``session.py`` first.
+A tracker of a scenario and a client's frames (messages) come in; frames with estimates go out. Read ``session.py``
+first.
 """
 
 from trackbench.base.subjects import Offer, Subject

@@ -1,4 +1,4 @@
-"""The frames that the Udacity term-2 simulator and its server exchange: Socket.IO 2 over a WebSocket.
+"""Frames (messages) that the Udacity term-2 simulator and its server exchange: Socket.IO 2 over a WebSocket.
 
 An event is ``42`` and a JSON array of its name and its data. The simulator sends ``telemetry`` and waits for an
 answer before it goes on, so that every event needs one. The answer is ``estimate_marker``, or ``manual`` without an
@@ -20,7 +20,7 @@ MARKER = ("estimate_x", "estimate_y", "rmse_x", "rmse_y", "rmse_vx", "rmse_vy")
 
 
 def parse(frame: str | bytes) -> Measurement | str | None:
-    """Return a frame's measurement, the answer to an event without measurement, or None for a frame without event.
+    """Return the measurement in a frame (message), the answer to an event without measurement, or None without event.
 
     Raises:
         InputError: the event is none of the simulator's.
@@ -39,7 +39,7 @@ def parse(frame: str | bytes) -> Measurement | str | None:
 
 
 def estimate_marker(mean: Array, rmse: Array) -> str:
-    """Return the frame that carries the mean ``(4,)`` of an estimate and the RMSE ``(4,)``.
+    """Return the frame (message) that carries the mean ``(4,)`` of an estimate and the RMSE ``(4,)``.
 
     Raises:
         ValueError: a number is not finite.

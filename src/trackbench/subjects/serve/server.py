@@ -32,7 +32,7 @@ async def serve_udacity(served: Served, host: str, port: int, ready: Callable[[s
     Programs may connect. Pages in a browser, which send an origin, are refused.
 
     Args:
-        served: tracker; each client gets a fresh one.
+        served: tracker to serve; each client gets a fresh instance.
         host: address to listen at.
         port: port to listen at; 0 for any free port.
         ready: called with the address and the port as soon as clients can connect.

@@ -46,16 +46,16 @@ class Served:
     config: FilterConfig | PluginConfig
     folder: Path
     sensors: Mapping[str, tuple[Lidar | Radar, Scan]]
-    """Lidar and radar of the scenario by kind, each with an empty scan at time 0."""
+    """Sensors of the scenario by kind, ``lidar`` or ``radar``, each with an empty scan at time 0."""
     isolation: Isolation
 
     def stepper(self) -> Any:
-        """Start a fresh tracker, with the errors of a plug-in that fails to start."""
+        """Start a fresh tracker and return it; a plug-in that fails to start raises its error."""
         return start_stepper(self.config, self.folder, 1, _refuse_truth, self.isolation)
 
 
 def load_served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Served:
-    """Return the tracker with a name, after one trial start.
+    """Return the tracker with the name ``name``, ready to be served, after a trial start.
 
     Raises:
         InputError: there is no such tracker, it fails to start, or the scenario has two lidars or two radars.
@@ -125,7 +125,7 @@ class Client:
             raise TrackerError(f"to start: {fault_of(error)}") from error
 
     def answer(self, frame: str | bytes) -> str | None:
-        """Return the frame to send back, or None without one; a bad event is logged and answered with ``manual``.
+        """Return the frame (message) to send back, None for no answer; a bad event is logged and answered ``manual``.
 
         Raises:
             TrackerError: the tracker raised an error, or its answer is no estimate.

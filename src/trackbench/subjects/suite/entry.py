@@ -25,7 +25,7 @@ ESTIMATES = "estimates.parquet"
 
 
 class SuiteIdentity(ResultModel):
-    """Suite of an entry."""
+    """Suite in which an entry was made: its id, its version and the digest of its file."""
 
     id: str
     version: int
@@ -43,7 +43,7 @@ class TrackerIdentity(ResultModel):
     made: Literal["run here", "tracks"]
     """Origin of the estimates: a run on the machine of the entry, or tracks that an unknown program wrote."""
     options: dict[str, dict[str, Any]]
-    """Value of the tracker in a scenario's key ``trackers``, by kind of scenario."""
+    """Settings of the tracker in a scenario's key ``trackers``, by kind of scenario: single or traffic."""
     sensors: dict[str, list[str] | None]
     """Names of the sensors that the tracker uses, by kind of scenario; None for all."""
     code: dict[str, str | None]
@@ -60,7 +60,7 @@ class EnteredScenario(ResultModel):
 
 
 class Machine(ResultModel):
-    """Machine on which an entry was made."""
+    """Machine on which an entry was made: system, number of cores, and versions of software."""
 
     system: str
     cores: int
@@ -77,12 +77,12 @@ class Entry(ResultModel):
     machine: Machine
     made_at: AwareDatetime
     commit: str | None
-    """Commit of the repository that holds the tracker."""
+    """Commit of the repository that holds the tracker; None if unknown."""
     command: str
     files: dict[str, str]
-    """Digest of each other file, by path in the folder."""
+    """Digest of each file of the entry except ``entry.json``, by path in the entry's folder."""
     sha256: str
-    """Digest of the other values of ``entry.json``."""
+    """Digest of all other values of ``entry.json``."""
 
 
 def entry_digest(values: Mapping[str, Any]) -> str:
@@ -100,12 +100,12 @@ def digests_in(folder: Path) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class StoredEntry:
-    """Entry with its folder."""
+    """Entry that was read from a folder: the content of its ``entry.json``, and the folder's path."""
 
     entry: Entry
     folder: Path
     is_whole: bool
-    """Whether ``entry.json`` has the sha256 that it states."""
+    """Whether the values of ``entry.json`` have the sha256 that the file states."""
     suite_file: str | None = None
     """File of the suite; None for a suite that comes with the package."""
 
@@ -129,7 +129,7 @@ class StoredEntry:
 
 
 def read_entry(place: Path, suite: Path | None = None) -> StoredEntry:
-    """Return the entry in a folder.
+    """Return the entry (a tracker's estimates and scores in a suite) that a folder holds.
 
     Args:
         place: folder of the entry, or its ``entry.json``.

@@ -63,7 +63,7 @@ class TrackerFailedError(TrackbenchError):
 
 @dataclass
 class EntryMaker:
-    """Maker of one tracker's entry.
+    """Work that runs one tracker in a suite and writes its entry: a folder of estimates and scores.
 
     Args:
         suite: suite that the tracker enters.
@@ -84,9 +84,9 @@ class EntryMaker:
     """Result of each finished scenario, by id."""
     _entered: list[EnteredScenario] = field(default_factory=list)
     _run_fields: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """Values of ``RUN_FIELDS``, by kind of scenario."""
+    """Values of the result's fields ``RUN_FIELDS``, by kind of scenario: single or traffic."""
     _origins: dict[str, Provenance] = field(default_factory=dict)
-    """Provenance of the tracker's code, by kind of scenario."""
+    """Provenance of the tracker's code, by kind of scenario: single or traffic."""
 
     def command(self, *only: str) -> str:
         """Return the command that runs the scenarios ``only`` again, or all."""
@@ -94,7 +94,7 @@ class EntryMaker:
         return shlex.join([*words, *(["--only", ",".join(only)] if only else [])])
 
     def check(self, chosen: list[SuiteScenario]) -> list[SuiteScenario]:
-        """Start the tracker once for each kind of scenario, and return the scenarios that it enters.
+        """Start the tracker once for each kind of scenario (single, traffic), and return the scenarios that it enters.
 
         Raises:
             InputError: the tracker can enter none, does not fit them, or cannot be started.

@@ -18,7 +18,7 @@ from trackbench.subjects.suite.suite import Suite
 
 @dataclass(frozen=True)
 class MergedEntries:
-    """Entries of one suite."""
+    """Entries of several trackers in one suite, which are compared with each other."""
 
     suite: Suite
     entries: Sequence[StoredEntry]

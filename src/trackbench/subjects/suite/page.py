@@ -32,14 +32,14 @@ MEANING = (
 
 
 def page_files(merged: MergedEntries, folder: Path) -> dict[str, str]:
-    """Return the text of each file of a page, by name."""
+    """Return the text of each file of a suite's page (HTML, Markdown and citations), by file name."""
     document = suite_document(merged, folder)
     pages = {"index.html": to_html(document), "index.md": to_markdown(document)}
     return {**pages, "suite.bib": bibtex(merged.suite), "CITATION.cff": citation(merged.suite)}
 
 
 def suite_document(merged: MergedEntries, folder: Path) -> Document:
-    """Return the page of entries, whose links are relative to a folder."""
+    """Return the page that ranks the trackers entered in a suite; its links are relative to ``folder``."""
     suite = merged.suite.stated
     styles = tracker_styles({stored.entry.tracker.name: number for number, stored in enumerate(merged.entries)})
     blocks: list[Block] = [overview_table(merged), Paragraph(MEANING)]
@@ -54,7 +54,10 @@ def suite_document(merged: MergedEntries, folder: Path) -> Document:
 
 
 def overview_table(merged: MergedEntries) -> Table:
-    """Return the best tracker of each scenario with several, and which others are shown to be worse."""
+    """Return the table of each scenario's best tracker, and of the trackers that are shown to be worse.
+
+    A scenario with a single tracker is left out.
+    """
     rows = []
     for name, result in merged.results.items():
         if len(result.scored) < 2:
@@ -87,7 +90,10 @@ def _scenario_section(merged: MergedEntries, name: str, folder: Path) -> Section
 
 
 def scenario_letters(merged: MergedEntries, name: str) -> dict[str, str]:
-    """Return the groups of a scenario by tracker; none where nothing was compared."""
+    """Return the group letters of each tracker in a scenario; empty with a single tracker.
+
+    Trackers that share a letter are not shown to differ.
+    """
     scored, differing = [tracker.name for tracker in merged.results[name].scored], differing_pairs(merged, name)
     return group_letters(scored, lambda a, b: {a, b} in differing) if len(scored) > 1 else {}
 
@@ -109,7 +115,7 @@ def _shown(scenario: Path, folder: Path) -> str:
 
 
 def _entries(merged: MergedEntries, folder: Path) -> Table:
-    """Return who the trackers are, and what runs and checks each."""
+    """Return the table of entries: who each tracker is, and the commands that run and check it."""
     rows = []
     for stored in merged.entries:
         entry, identity, place = stored.entry, stored.entry.tracker, os.path.relpath(stored.folder, folder)
@@ -136,7 +142,7 @@ def bibtex(suite: Suite) -> str:
 
 
 def citation(suite: Suite) -> str:
-    """Return the suite as a CITATION.cff."""
+    """Return the text of the file ``CITATION.cff`` that cites the suite."""
     stated = suite.stated
     values = {
         "cff-version": "1.2.0",
@@ -153,10 +159,10 @@ def citation(suite: Suite) -> str:
 
 
 def entries_in(folder: Path) -> Iterator[Path]:
-    """Yield the folder of each entry in a folder.
+    """Yield the path of each entry (folder with a tracker's estimates and scores) in a folder.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no entry.
     """
     found = sorted(file.parent for file in folder.glob(f"[!.]*/{ENTRY}"))
     if not found:

@@ -26,7 +26,7 @@ RUN_FIELDS = ("describe", "offline", "random", "sensors")
 def scored_estimates(
     scenario: SuiteScenario, name: str, estimates: Path, truths: Sequence[LoadedTruth], executor: Executor
 ) -> Result:
-    """Return the result of a tracker's estimates in a file.
+    """Return the result, with scores, of a tracker's estimates, which are read from a file.
 
     Args:
         scenario: scenario of the estimates.

@@ -32,7 +32,7 @@ Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class ScenarioEntry(Config):
-    """Scenario of a suite, in one world; its content never changes under its id."""
+    """Scenario of a suite, in one world (drivers and sensors); its content never changes under its id."""
 
     id: Name
     scenario: str = Field(description="A file beside the suite's, or the name of a scenario of the package.")
@@ -121,7 +121,7 @@ class SuiteScenario:
 
 @dataclass(frozen=True)
 class Suite:
-    """Suite with the content and the path of its file."""
+    """Suite of scenarios that never change: the content of its file, with path and digest."""
 
     stated: SuiteFile
     path: Path
@@ -132,7 +132,7 @@ class Suite:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Id, version and digest of the suite, which an entry states too."""
+        """Id, version and digest of the suite, which each entry in the suite repeats."""
         return {"id": self.stated.id, "version": self.stated.version, "sha256": self.sha256}
 
     @cached_property

@@ -20,7 +20,7 @@ ENDINGS = (".parquet", ".csv")
 
 
 class TrackerFile(Config):
-    """Keys of a tracker's file: its identity, and its entry for single objects, for traffic, or as tracks."""
+    """Keys of a tracker's file: identity, and settings for single objects or traffic, or a folder of tracks."""
 
     name: Name
     version: str = ""
@@ -42,14 +42,14 @@ class TrackerFile(Config):
 
 @dataclass(frozen=True)
 class EnteringTracker:
-    """Tracker with the folder of its files."""
+    """Tracker that is to enter a suite: its settings and identity, and the folder of its files."""
 
     stated: TrackerFile
     folder: Path
     argument: str
     """Argument that names the tracker on the command line."""
     file: Path | None = None
-    """YAML file of the tracker."""
+    """YAML file of the tracker; None for a built-in tracker or a class."""
 
     @property
     def name(self) -> str:
@@ -57,7 +57,7 @@ class EnteringTracker:
         return self.stated.name
 
     def entry(self, kind: Kind) -> dict[str, Any] | None:
-        """Return the tracker's entry for a kind of scenario, or None if it has none."""
+        """Return the tracker's settings for a kind of scenario, single or traffic; None if it has none for it."""
         entry: dict[str, Any] | None = getattr(self.stated, kind)
         return entry
 
@@ -95,7 +95,7 @@ class EnteringTracker:
 
 
 def find_tracker(argument: str, suite: Suite) -> EnteringTracker:
-    """Return the tracker that an argument names: a built-in one of the suite, a YAML file or ``module:Class``.
+    """Return the tracker that an argument names: a built-in tracker of the suite, a YAML file or ``module:Class``.
 
     Raises:
         InputError: the argument is none of these, or the file has an error.

@@ -51,7 +51,7 @@ class Check(NamedTuple):
 
 @dataclass
 class Verifier:
-    """Checks of an entry.
+    """Checks of an entry: its files, its suite, its scores, and a second run of its tracker.
 
     Args:
         stored: entry to be checked.

@@ -23,12 +23,12 @@ PYTHON = "python"
 
 
 class Language(NamedTuple):
-    """Files of a tracker in a programming language."""
+    """Template of a tracker in one programming language: its files, its scenario value, and its build command."""
 
     files: Mapping[str, str]
     """Template of each file, by file name; ``{name}`` stands for the tracker's name."""
     use: str
-    """Value of ``use`` in a scenario."""
+    """Value of the scenario key ``use``, which names the tracker's program or class."""
     build: str | None = None
     """Command that builds the program; None for a script."""
 

@@ -39,7 +39,7 @@ from trackbench.subjects.tuning.tune import Tuning, TuningTask, tune_tracker
 
 @dataclass(frozen=True)
 class TunePlan:
-    """Settings of a tuning, for all of its trackers."""
+    """Settings of a tuning, such as ranges and numbers of trials, scenes and runs, common to all its trackers."""
 
     objective: Objective
     ranges: tuple[str, ...] = ()
@@ -93,7 +93,7 @@ def tune_trackers(
 
 
 def _task(name: str, scenarios: Sequence[Scenario], plan: TunePlan) -> TuningTask:
-    """Return the task of one tracker; the first scenario says what its options are, and the others must take them."""
+    """Return the task of one tracker; the first scenario sets its options, which all other scenarios must accept."""
     first = scenarios[0]
     parameters = [parse_range(text, first, name) for text in plan.ranges] or usual_ranges(first, name)
     keys = [item.key for item in parameters]
@@ -121,7 +121,7 @@ def _bench(loaded: Scenario, executor: Executor, listener: Listener) -> Bench:
 
 
 class TunedTrackers:
-    """Tuned trackers. A notebook shows them as a page, ``print`` as text; ``tuned["ekf_cv"]`` is one of the tunings."""
+    """Tuned trackers. A notebook shows a page of them, ``print`` text; ``tuned["ekf_cv"]`` is one tracker's tuning."""
 
     def __init__(self, tunings: Sequence[Tuning], scenarios: Sequence[Scenario], command: str) -> None:
         self._tunings, self._scenarios, self._command = tunings, scenarios, command

@@ -1,4 +1,4 @@
-"""The entry of a tracker in a scenario, with some options changed."""
+"""The settings of a tracker under ``trackers`` in a scenario, with some options changed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TRACKER: TypeAdapter[Entry] = TypeAdapter(AnyTracker)
 
 
 def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]:  # noqa: B006
-    """Return the entry of a tracker as YAML values, with some options changed."""
+    """Return the settings of a tracker in a scenario as YAML values, with the options ``values`` changed."""
     entry: dict[str, Any] = copy.deepcopy(loaded.document.value["trackers"][tracker])
     for key, value in values.items():
         set_value(entry, key, copy.deepcopy(value))
@@ -33,7 +33,7 @@ def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]
 
 
 def entry_with(loaded: Scenario, tracker: str, values: Values) -> Entry:
-    """Return the validated entry of a tracker, with some options changed.
+    """Return the validated settings of a tracker in a scenario, with the options ``values`` changed.
 
     Raises:
         ValidationError: the values are invalid, or contradict each other.

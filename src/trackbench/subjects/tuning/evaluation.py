@@ -35,16 +35,16 @@ TRIALS_IN_CALL = 3
 
 
 class TrialOutcome(NamedTuple):
-    """Result of a trial in one scenario."""
+    """Result of a trial (one set of option values) in one scenario: sums of its scores, or a failure."""
 
     sums: Sums | None
     failed: str = ""
-    """Reason why there are no sums."""
+    """Reason why there are no sums; empty where there are sums."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Scenario with the ground truth on which trials are made."""
+    """Scenario with its ground truth, on which trials of option values are run."""
 
     scenario: Scenario
     truths: Sequence[LoadedTruth]
@@ -67,13 +67,13 @@ class _Block(NamedTuple):
     work: Work
     piece: BlockRuns
     counted: Availability | None
-    """Innovations that count; None with hidden identities, and for the start, whose own innovations decide it."""
+    """Masks of the innovations that count; None with hidden identities, and for the start, which determines them."""
     metric: Metric | None
-    """Metric that is the objective; None if the objective is a built-in measure."""
+    """Metric whose best value the tuning seeks; None if it seeks that of a built-in measure."""
     measure: str
     """Track measure that is summed in addition to the usual ones."""
     log_time: LogTime | None
-    """Stretches of a single run that are summed separately."""
+    """Division of a single run into stretches that are summed separately; None to sum whole runs."""
 
 
 class _Piece(NamedTuple):
@@ -82,23 +82,23 @@ class _Piece(NamedTuple):
     sums: Sums | str
     """Sums of the trial, or the reason of its failure."""
     available: Availability | None = None
-    """Innovations that were summed; None with hidden identities."""
+    """Masks of the innovations that were summed; None with hidden identities."""
     engine: EngineUsed | None = None
     """Engine that computed a built-in tracker; None for any other tracker."""
 
 
 class _Start(NamedTuple):
-    """Result of the tracker's start values in one scenario."""
+    """Result of the tracker with its start values (options as in the scenario) in one scenario."""
 
     outcome: TrialOutcome
     counted: Mapping[BlockRuns, Availability | None]
-    """Innovations that count, by block of runs."""
+    """Masks of the innovations that count, by block of runs; None with hidden identities."""
     engine: EngineUsed | None
     """Engine that computed a built-in tracker; None for any other tracker."""
 
 
 class Evaluator:
-    """Evaluation of trials of one tracker, each scored on the estimates and innovations that the start gives.
+    """Evaluation of trials of one tracker, all scored on the innovations that its start values give.
 
     Args:
         benches: scenarios with their ground truth.
@@ -147,7 +147,7 @@ class Evaluator:
         return joined_engines(start.engine for start in self._start if start.engine is not None)
 
     def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[TrialOutcome]]:
-        """Return the outcomes of points by point and scenario; the start must not fail in any scenario.
+        """Return the outcome of each point (set of option values) in each scenario; the start must not fail.
 
         Args:
             points: values by option; empty for the tracker with its start values.
@@ -200,7 +200,7 @@ class Evaluator:
     def _make(
         self, bench: int, groups: Sequence[Mapping[int, Entry]], starts: Sequence[_Start] = ()
     ) -> Iterator[dict[int, _Piece]]:
-        """Yield the trials of each group in each block of runs of a scenario."""
+        """Yield the results, by trial number, of each group of trials in each block of a scenario's runs."""
         work, log_time = self._work[bench], self._log_time(bench)
         blocks = [
             _Block(
@@ -225,7 +225,7 @@ class Evaluator:
 
 
 def _trials_of_block(block: _Block, entries: Mapping[int, Entry]) -> dict[int, _Piece]:
-    """Make trials in a block of runs, in any process."""
+    """Run trials on a block of runs, and return their results by trial number; any process can call it."""
     work, metrics = block.work, () if block.metric is None else metrics_of_trial(block.metric)
     work = replace(work, trackers={str(trial): entry for trial, entry in entries.items()})
     if not work.hidden:
@@ -251,7 +251,7 @@ def _piece(block: _Block, outcome: Outcome | Failure, engine: EngineUsed | None)
 
 
 def _join(parts: Sequence[Sums | str]) -> TrialOutcome:
-    """Return the outcome over all blocks; the first failure, if there is one."""
+    """Return the outcome of a trial over all blocks of runs; the first failure if a block failed."""
     for part in parts:
         if isinstance(part, str):
             return TrialOutcome(None, part)

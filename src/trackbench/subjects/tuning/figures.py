@@ -1,4 +1,4 @@
-"""The figure of a tuning: the loss of its trials over one option."""
+"""The figure of a tuning: the loss of its trials against one option."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _HIGHEST = 60.0
 
 
 def trials_figure(item: Tuning, parameter: Parameter, name: str = "") -> Figure:
-    """Return the figure of all trials' losses over one option of numbers; ``name`` is a prefix of the figure's name."""
+    """Return the figure of all trials' losses against one numeric option; ``name`` is a prefix of the figure's name."""
     relative = item.objective.measure != "log_likelihood"
     succeeded = [trial for trial in item.trials if not trial.failed]
     values = [float(trial.values[parameter.key]) for trial in succeeded]

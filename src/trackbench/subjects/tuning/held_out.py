@@ -55,11 +55,11 @@ class Halves:
     train: Scenario
     test: Scenario
     apart: str
-    """Difference of the two in words; empty where there is none."""
+    """Difference between test and tuning scenario in words; empty where there is none."""
 
 
 def halved(loaded: Scenario, split: Split) -> Halves:
-    """Divide a scenario into one for tuning and one for the test, with other scenes or noise.
+    """Return a scenario for tuning and a scenario for the test, which differ in scenes or noise.
 
     With seeds the test has the scenario's own scenes: the first ``test_scenes`` of them, or all and further ones.
     Tuning has other scenes, and noise from the next seed. Of a recording that is the same in every run the test has
@@ -146,7 +146,7 @@ class MeasureComparison:
     start: Interval
     tuned: Interval
     difference: Contrast
-    """Tuned minus start."""
+    """Value with the tuned options minus value with the start options, with its interval."""
     p_value: float
     """p-value of the hypothesis that the difference lies within the margin, corrected for the number of scenarios."""
     verdict: str
@@ -162,7 +162,7 @@ class HeldOut:
     """Number of scenes, or of a log's stretches, by scenario; ``runs`` is the number of runs of each scene."""
     runs: dict[str, int]
     failed: str = ""
-    """Reason why there is no comparison."""
+    """Reason why there is no comparison; empty where there are comparisons."""
 
     def of(self, measure: str) -> list[MeasureComparison]:
         return [item for item in self.comparisons if item.measure == measure]
@@ -201,7 +201,7 @@ def compare_held_out(evaluator: Evaluator, objective: Objective, tuned: Values) 
 def _compare_by(
     measure: str, metric: Metric, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
 ) -> list[MeasureComparison]:
-    """Compare by one measure, with p-values corrected for the number of scenarios."""
+    """Compare start and tuned values by one measure in each scenario, with p-values corrected for their number."""
     better, unit = metric.better, "" if metric.unit == "1" else metric.unit
     rows = []
     for number, tuned_sums, start_sums in pairs:

@@ -54,19 +54,19 @@ class Sums:
     values: dict[str, Array]
     """Total and number ``(2, runs)``, by measure."""
     metric: Metric | None = None
-    """Metric of the objective, unless it is one of the measures."""
+    """Metric whose best value the tuning seeks; None if it seeks that of a built-in measure."""
     blocks: tuple[MetricSums, ...] = ()
-    """Sums of the metric for consecutive blocks of runs, by accumulator."""
+    """Sums of ``metric`` for consecutive blocks of runs, each by accumulator; empty without ``metric``."""
 
     @classmethod
     def joined(cls, parts: Sequence[Sums]) -> Sums:
-        """Return the sums of consecutive runs as one."""
+        """Join the sums of consecutive blocks of runs."""
         values = {name: np.concatenate([part.values[name] for part in parts], axis=1) for name in parts[0].values}
         return cls(values, parts[0].metric, tuple(block for part in parts for block in part.blocks))
 
     @property
     def measures(self) -> dict[str, Metric]:
-        """Measures by which start and tuned values may be compared, by name."""
+        """Measures by which start and tuned values can be compared, by name."""
         names = dict.fromkeys([*OF_ALL, *(name for name in self.values if name in TRACK_METRICS)])
         objective = {} if self.metric is None else {self.metric.name: self.metric}
         return {name: MEASURES[name] for name in names} | objective

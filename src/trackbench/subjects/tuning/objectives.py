@@ -27,13 +27,13 @@ class Objective:
 
     name: str
     measure: str
-    """Name of the measure by which start and tuned values are compared first."""
+    """Name of the measure by which start and tuned values are mainly compared."""
     metric: Metric | None = None
     """Metric of the measure; None for a measure that every trial sums."""
 
     @property
     def better(self) -> Direction | None:
-        """Direction in which the measure improves."""
+        """Direction in which the measure improves: smaller or larger; None where neither is better."""
         return (self.metric or MEASURES[self.measure]).better
 
     @property

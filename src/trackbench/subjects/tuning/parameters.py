@@ -52,7 +52,7 @@ class Parameter:
         return (self._stretch(value) - low) / (high - low)
 
     def edge(self, value: Any) -> float | None:
-        """Return the end of the range at which a value lies; None for a value inside."""
+        """Return the end of the range at which a value lies; None for a value inside the range, and for choices."""
         if self.scale == "choice":
             return None
         margin = 0.0 if self.scale == "integer" else EDGE
@@ -93,7 +93,7 @@ class Parameter:
 
 
 def option_text(value: Any) -> str:
-    """Return a value as YAML text."""
+    """Return the value of an option as YAML text."""
     return f"{value:.10g}" if isinstance(value, float) else json.dumps(value)
 
 
@@ -221,7 +221,7 @@ def _usual_range(key: str, option: str, start: float) -> Parameter:
 
 
 def _read_range(text: str) -> tuple[str, tuple[Any, ...], bool]:
-    """Return the key of a range, its two ends or its choices, and whether they are ends.
+    """Return the key of a range, its two ends or its choices, and True for ends, False for choices.
 
     Raises:
         InputError: the text is no range.

@@ -45,7 +45,7 @@ def require_optuna() -> None:
 
 
 def usual_trials(parameters: Sequence[Parameter]) -> int:
-    """Return the number of trials that is usual for some parameters."""
+    """Return the default number of trials for tuning these parameters."""
     return 20 + 40 * len(parameters)
 
 
@@ -77,7 +77,7 @@ def study_name(
 
 
 class Study:
-    """The trials of one tracker.
+    """Trials of one tracker, kept by Optuna in memory or in a file, and the search for better values.
 
     Args:
         name: name of the study.
@@ -113,7 +113,7 @@ class Study:
     ) -> None:
         """Make trials until the study has ``count``; stored trials are not made again.
 
-        What a batch proposes depends on the trials before it and the seed, not on when the search was interrupted.
+        The proposals of a batch depend on earlier trials and the seed, not on when the search was interrupted.
 
         Args:
             start: values of the first trial; None for random values.

@@ -37,7 +37,7 @@ class LogTime(NamedTuple):
         return 2 * (SHORTEST + self.gap)
 
     def stretch(self, time: Array) -> Indices:
-        """Return the stretch number of each instant ``(instants,)``, -1 where it is not scored; ``time`` in s."""
+        """Return each instant's stretch number ``(instants,)``, -1 for an unscored instant; ``time`` is in s."""
         duration = float(time[-1] - time[0])
         if self.held_out is None:
             return stretch_numbers(len(time), duration)

@@ -1,4 +1,4 @@
-"""The trials of a tuning."""
+"""The trials of a tuning: sets of option values, each with its loss."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class TuningTrial:
     loss: float = math.inf
     """Loss, smaller is better; infinite where the trial failed."""
     failed: str = ""
-    """Reason of a failure; empty where there is none."""
+    """Reason of the trial's failure; empty where it did not fail."""
 
     @classmethod
     def of(cls, values: Mapping[str, Any], loss: float | str) -> TuningTrial:

@@ -28,7 +28,7 @@ from trackbench.subjects.tuning.trials import TuningTrial, best_trial
 
 @dataclass(frozen=True, kw_only=True)
 class TuningTask:
-    """Task of tuning one tracker."""
+    """Task of tuning one tracker: its options with ranges and start values, the objective, and the number of trials."""
 
     tracker: str
     objective: Objective
@@ -36,7 +36,7 @@ class TuningTask:
     start: dict[str, Any]
     """Values of the options in the scenario; None where a value is outside its range."""
     count: int
-    """Number of trials."""
+    """Number of trials to make."""
     seed: int = 0
     storage: Path | None = None
 
@@ -50,7 +50,7 @@ class Tuning(TuningTask):
     trials: tuple[TuningTrial, ...]
     held_out: HeldOut
     apart: tuple[str, ...]
-    """Difference of test and tuning measurements in words, by scenario; empty where there is none."""
+    """For each scenario the difference between test and tuning measurements in words; empty where there is none."""
     train_scenes: tuple[int, ...]
     train_runs: tuple[int, ...]
     engine: ComputedBy | None
