@@ -1,7 +1,7 @@
 """Comparison of finished results: trackers of a run, versions of a tracker, trackers over scenarios.
 
-Sets of results come in. A ``Comparison`` goes out: paired differences, an order of trackers and the outcome of limits.
-Read ``assembly.py`` first.
+Sets of results (a set: one result for each scenario, of one version of the trackers) come in. A ``Comparison`` goes
+out: paired differences, an order of trackers and the outcome of limits. Read ``assembly.py`` first.
 """
 
 from trackbench.compare.assembly import compare_results

@@ -1,4 +1,4 @@
-"""Assembly of a comparison from sets of results, with the order in worlds and the commands that repeat it."""
+"""Assembly of a comparison from stored results: checks, scores, differences, ranking and limits."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from trackbench.results import Result, merged_places
 def orders(
     cells: Iterable[ScenarioResults], ranked_by: str, scores: Sequence[EntrantScore], pairings: Pairings
 ) -> list[OrderInWorlds]:
-    """Return the order of each compared pair of trackers in each world of a scenario; ``a`` leads in the first."""
+    """Return the better tracker of each pair in each world (drivers and sensors); ``a`` leads in the first world."""
     by_base: dict[str, dict[str, str]] = {}
     for cell in cells:
         scenario = cell.entries[0].result.summary.scenario
@@ -76,7 +76,7 @@ def commands(
     baseline: str | None,
     limits: Sequence[Limit],
 ) -> list[str]:
-    """Return the commands that repeat each run and the comparison; empty if a result does not state how it was made."""
+    """Return the commands that repeat each run and the comparison; empty if a result does not state its command."""
     if not all(entry.result.summary.command for item in sets for entry in item.entries):
         return []
     places = [_places(item) for item in sets]
@@ -94,7 +94,7 @@ def commands(
 
 
 def _places(item: ResultSet) -> tuple[Path, Path]:
-    """Return the folder to write a set's runs to, and the folder to name in the command ``trackbench compare``."""
+    """Return two folders for commands: to write a set's runs to, and to name in ``trackbench compare``."""
     path = Path(item.label)
     path = path.parent if path.suffix == ".json" else path
     if len(item.entries) > 1 or item.entries[0].label != item.label:
@@ -114,19 +114,19 @@ def compare_results(
 ) -> Comparison:
     """Compare the trackers of one set of results with each other, or the trackers of several sets with the first set's.
 
-    A set holds the results of different scenarios; one result is a set too. Results of the same scenario are compared
-    over the runs with the same measurements, if there are any. If two results have a single tracker each, these are
-    compared whatever their names. Scenarios that different metrics rank are compared separately; scenarios without a
-    truth are not compared.
+    A set holds the results of different scenarios; a single result is also a set. Results of the same scenario are
+    compared over the runs with the same measurements, if there are any. If two results have a single tracker each,
+    these two are compared even if their names differ. Scenarios that different metrics rank are compared separately;
+    scenarios without a truth are not compared.
 
     Args:
         results: sets of results; the first set is the baseline.
         metrics: metrics to compare by, beside those of the limits; scenarios without any of them, and by default all
             scenarios, are compared by ``position_rmse``, or ``tgospa`` with hidden identities.
         trackers: names of the trackers to compare; None for all.
-        baseline: tracker of a single set that the others are shown against; None for the baseline of the scenarios,
-            else the best.
-        limits: how much worse the trackers of the later sets may be.
+        baseline: name of the tracker of a single set that the others are compared with; None for the baseline that the
+            scenarios state, else the best.
+        limits: how much worse the trackers of the later sets are allowed to be.
 
     Raises:
         InputError: results cannot be compared, a name is unknown, or nothing is left to compare.
@@ -254,9 +254,9 @@ def _baseline(
     order: Sequence[RankedTracker],
     named: str | None,
 ) -> str | None:
-    """Return the tracker that the others are shown against; None for one scenario that states none.
+    """Return the tracker that the others are compared with; None for a single scenario without a baseline.
 
-    It is the tracker that the user named, else the one stated in all scenarios, else the best.
+    The baseline is the tracker that the user named, else the ``score.baseline`` of all scenarios, else the best.
     """
     if any(named in chosen[cell.scenario, 0] for cell in cells):
         return named
@@ -282,7 +282,7 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
 
 
 def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Sequence[Mapping[str, Metric]]) -> None:
-    """Make sure that each named metric has values by run in a scenario, and a better direction if it is limited."""
+    """Make sure that each named metric has a value in each run, and a better direction if a limit is on it."""
     for path in wanted:
         limited = any(limit.metric == path for limit in limits)
         metrics = [metric_of[path] for metric_of in by_path if path in metric_of]
@@ -294,7 +294,7 @@ def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Se
 
 
 def _require_baseline(name: str, sets: Sequence[ResultSet], trackers: Collection[str]) -> None:
-    """Make sure that there is one set of results, and the baseline is one of its compared trackers."""
+    """Make sure that there is a single set of results, and that tracker ``name`` is among its compared trackers."""
     if len(sets) > 1:
         message = f"of several results the first is the baseline: {sets[0].label}; name a tracker for one result only"
         raise InputError(message, key="--baseline")

@@ -30,7 +30,7 @@ class ScenarioResults:
 
     @property
     def ranked_by(self) -> str | None:
-        """Metric that ranks the trackers in the scenario; None without a truth.
+        """Dotted path of the metric that ranks the trackers in the scenario; None without a truth.
 
         Raises:
             InputError: different metrics rank the trackers of different results.
@@ -59,10 +59,10 @@ class Group:
         return ", ".join(cell.scenario for cell in self.cells)
 
     def metrics(self) -> dict[str, Metric]:
-        """Return the metrics that are computed run by run, by dotted path.
+        """Return the metrics that have a value in each run, and so can be compared, by dotted path.
 
         Raises:
-            InputError: the metric that ranks trackers is none of them.
+            InputError: the metric that ranks trackers has no value in each run.
         """
         summaries = [entry.result.summary for cell in self.cells for entry in cell.entries.values()]
         of_results = [metric for summary in summaries for metric in summary.score.metrics]
@@ -74,7 +74,7 @@ class Group:
 
 
 def cells_of(sets: Sequence[ResultSet]) -> tuple[list[ScenarioResults], list[str]]:
-    """Return the scenarios that are compared, and a note on each that is not."""
+    """Return the scenarios that the baseline and a later set share, or all of a single set; and notes on the others."""
     if all(len(item.entries) == 1 for item in sets):
         first = sets[0].entries[0].result.name
         return [ScenarioResults(first, {number: item.entries[0] for number, item in enumerate(sets)})], []
@@ -119,7 +119,7 @@ class StoredMetric(Metric):
 
 
 def compared_metrics(of_results: Sequence[MetricSummary], *, built_in: bool) -> dict[str, Metric]:
-    """Return the metrics that have a value in each run, by path: those of the results and, if wanted, built-in ones."""
+    """Return the metrics with a value in each run, by path: those in ``of_results``, and if wanted built-in."""
     metrics: list[Metric] = [metric for metric in BUILT_IN if metric.columns] if built_in else []
     for item in of_results:
         if not item.per_sensor:
@@ -156,15 +156,15 @@ class Comparability:
 
     @classmethod
     def of_all(cls, runs: int, reason: str) -> Comparability:
-        """Pair all runs of both results by their numbers."""
+        """Return a pairing of all ``runs`` runs of both results by their numbers, with its reason."""
         return cls((np.arange(runs), np.arange(runs)), reason)
 
 
 def comparability(baseline: Entry, later: Entry) -> Comparability:
-    """Return over which runs two results are compared: paired ones, or two independent samples.
+    """Return over which runs two results are compared: pairs of equal runs, or two independent samples.
 
-    The trackers, the number of runs, the seed and the scenario's name may differ. The objects, the sensors and the
-    scoring must be the same. Equal fingerprints of a run show that all its measurements were the same.
+    The trackers, the number of runs, the seed and the scenario's name are allowed to differ. The objects, the sensors
+    and the scoring must be the same. Equal fingerprints of a run show that all its measurements were the same.
 
     Raises:
         InputError: the results are not comparable; with the reason.
@@ -188,7 +188,7 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
 
 
 def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
-    """Make sure that a user's metric that both results have is the same in both.
+    """Make sure that a user's metric has the same unit, better direction and options in both results.
 
     Raises:
         InputError: the unit, the better direction or an option of the metric differs.
@@ -200,7 +200,7 @@ def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
 
 
 def engine_notes(sets: Sequence[ResultSet], cells: Sequence[ScenarioResults]) -> Iterator[str]:
-    """Yield a note on each later set that was computed by another engine than the baseline."""
+    """Yield a note on each later set of results that another engine (such as numpy) computed than the baseline."""
     for number, later in enumerate(sets[1:], 1):
         both = [(cell.entries[0], cell.entries[number]) for cell in cells if number in cell.entries]
         engines = [[entry.result.summary.engine_in_words for entry in pair] for pair in both]
@@ -210,7 +210,7 @@ def engine_notes(sets: Sequence[ResultSet], cells: Sequence[ScenarioResults]) ->
 
 
 def _places(entry: Entry) -> list[tuple[int, int]]:
-    """Return for each run the number of its scene, and the number of the run within the scene."""
+    """Return for each run the index of its scene, and the index of the run within the scene, both from 0."""
     summary = entry.result.summary
     in_scene = summary.runs // max(1, len(summary.truth.scenes))
     return [divmod(number, in_scene) for number in range(summary.runs)]

@@ -1,4 +1,4 @@
-"""Outcome of a comparison: the data that pages, terminals and gates show, and that is kept as JSON."""
+"""Outcome of a comparison of results: scores, differences, ranking and kept limits, which is stored as JSON."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller":
 
 
 class Entrant(ResultModel):
-    """Tracker of one set of results, as it takes part in a comparison."""
+    """Tracker that takes part in a comparison, with the index of its set of results (one version of the trackers)."""
 
     tracker: str
     set: int = 0
-    """Index of the set of results, in the order given; 0 for the baseline."""
+    """Index of the set of results, from 0 in the order in which the user names them; 0 is the baseline."""
 
 
 class ComparedResult(ResultModel):
@@ -46,13 +46,13 @@ class ComparedResult(ResultModel):
     expectations_met: int
     shared_runs: int | None = None
     """Number of runs with the same measurements as a run of the baseline, over which differences are paired; None where
-    they are not paired."""
+    the runs are not paired."""
     reason: str = ""
     """Reason why the differences are paired, or not; empty for the baseline."""
 
 
 class ComparedScenario(ResultModel):
-    """Scenario of a comparison, with its results in the order of the sets."""
+    """Name and description of a compared scenario, and its stored results in the order of the sets of results."""
 
     name: str
     description: str
@@ -60,11 +60,12 @@ class ComparedScenario(ResultModel):
 
 
 class SetOrigin(ResultModel):
-    """When and with which code a set of results was made, and what changed since the previous set."""
+    """Time at which a set of results was made, commit of the code, and changes since the previous set."""
 
     set: int
     made_at: str | None
-    """Time at which the last of the set's runs began: UTC, ISO 8601; None in results of earlier versions."""
+    """Time at which the most recent result of the set began to be computed: UTC, ISO 8601; None in results of earlier
+    versions."""
     commit: str | None
     """Commit of the repository that holds the scenarios; None without a repository."""
     changes: list[str]
@@ -73,7 +74,7 @@ class SetOrigin(ResultModel):
 
 
 class EntrantScore(ResultModel):
-    """Metrics of one entrant in one scenario."""
+    """Metric values, diverged runs and rank of one tracker of a set of results, in one scenario."""
 
     scenario: str
     entrant: Entrant
@@ -81,21 +82,22 @@ class EntrantScore(ResultModel):
     """Metrics that have a value for this entrant, by dotted path such as ``rmse.px``."""
     diverged_runs: int
     leading: bool
-    """Whether the entrant is the best of the scenario, or was compared with the best and not shown to be worse by more
+    """Whether the tracker is the best of the scenario, or was compared with the best and not shown to be worse by more
     than the margin."""
     failure: str = ""
-    """Reason why the entrant has no score; empty where it has one."""
+    """Reason why the tracker has no score, such as a failure; empty where it has a score."""
     reference: bool = False
-    """Whether the tracker knows origins of detections or later measurements; the others are ranked without it."""
+    """Whether the tracker knows origins of detections or later measurements; the other trackers are ranked without this
+    tracker."""
 
     def value(self, metric: str) -> float | None:
-        """Return the value of the metric at a path; None where the entrant has none."""
+        """Return the value of the metric with this dotted path; None where the tracker has no value."""
         value = self.metrics.get(metric)
         return None if value is None else value.value
 
 
 class PairDifference(ResultModel):
-    """Metric value of one entrant minus that of another entrant, in one scenario."""
+    """Difference of a metric between two trackers in one scenario: value of ``entrant`` minus value of ``against``."""
 
     scenario: str
     metric: str
@@ -110,11 +112,12 @@ class PairDifference(ResultModel):
     ci95: tuple[float, float] | None
     """95 % interval of the difference; None with fewer than two runs."""
     margin: float
-    """Largest difference that does not matter: the margin of the baseline's scenario, or a smaller limit."""
+    """Largest difference that does not matter: the margin that the baseline's scenario states, or a limit on
+    regressions if that is smaller."""
     p_value: float
     """P-value of the hypothesis that the difference is within the margin, corrected for the number of tests."""
     paired_runs: int | None
-    """Number of runs over which the two entrants are paired; None for two independent samples."""
+    """Number of runs over which the two trackers are paired; None for two independent samples."""
     stretches: int | None = None
     """Number of stretches of time that are the independent parts, for a single run or few logs; else None."""
     without_charged: float | None = None
@@ -127,7 +130,8 @@ class PairDifference(ResultModel):
     scenes_in_words: str = ""
     """Number and kind of the compared scenes, such as "6 sequences"; empty for one scene."""
     repeatable: bool = False
-    """With a limit: whether both results come from the same recorded data, without random numbers."""
+    """Whether both results come from the same recorded data without random numbers, where a limit is tested; else
+    False."""
     verdict: str
     """Verdict on ``entrant``: better, worse, larger, smaller, equivalent or undecided."""
     scenes_ahead: tuple[int, int] | None = None
@@ -136,7 +140,7 @@ class PairDifference(ResultModel):
     """Logarithm of value over reference, from which scenarios are pooled; None where either is not positive."""
 
     def turned(self) -> PairDifference:
-        """Return the difference with both entrants exchanged."""
+        """Return the difference of ``against`` minus ``entrant``, with the opposite verdict."""
         ratio, ahead = self.log_ratio, self.scenes_ahead
         return self.model_copy(
             update={
@@ -159,7 +163,7 @@ class PairDifference(ResultModel):
 
     @property
     def percent_ci95(self) -> tuple[float, float] | None:
-        """Interval in percent of the value of ``against``, taken as exact; None if that is 0 or without one."""
+        """95 % interval of the difference in percent of ``reference``, taken as exact; None without an interval."""
         if self.ci95 is None or not self.reference:
             return None
         low, high = (100.0 * end / abs(self.reference) for end in self.ci95)
@@ -167,7 +171,7 @@ class PairDifference(ResultModel):
 
     @property
     def ratio_ci95(self) -> tuple[float, float] | None:
-        """Interval of the ratio less one, in percent, with the uncertainty of both values; None if unknown."""
+        """95 % interval of the ratio of both values less one, in percent; None without a ``log_ratio``."""
         ratio = self.log_ratio
         if ratio is None or ratio.error is None:
             return None
@@ -176,14 +180,14 @@ class PairDifference(ResultModel):
 
     @property
     def identical(self) -> bool:
-        """Whether both entrants had the same value in every run, up to rounding."""
+        """Whether both trackers had the same value in every run, up to rounding."""
         reach = max(abs(self.value), abs(self.reference)) * ROUNDING
         ends = self.ci95 or (self.difference,)
         return self.paired_runs is not None and max(map(abs, ends)) <= reach
 
 
 class NotCompared(ResultModel):
-    """Pair of entrants that could not be compared by a metric, with the reason."""
+    """Pair of trackers that could not be compared by a metric in a scenario, with the reason."""
 
     scenario: str
     metric: str
@@ -195,13 +199,13 @@ class NotCompared(ResultModel):
 
 
 class OverallChange(ResultModel):
-    """Change of one metric of an entrant against the baseline, pooled over the scenarios in which both have a value."""
+    """Change of a tracker's metric against the baseline, pooled over the scenarios in which both have a value."""
 
     metric: str
     entrant: Entrant
     against: Entrant
     verdicts: dict[str, int]
-    """Number of scenarios with each verdict on ``entrant``."""
+    """Number of scenarios with each verdict on ``entrant``, such as "better", by verdict."""
     mean_percent: float | None
     """Geometric mean over scenarios of the ratio to the baseline, less one, in percent; None where a value is not
     positive."""
@@ -211,45 +215,50 @@ class OverallChange(ResultModel):
 
 
 class RankedTracker(ResultModel):
-    """Place of one tracker of a single set in the order over scenarios."""
+    """Tracker in the ranking over scenarios, within a single set of results: its relative error and missing scores."""
 
     tracker: str
     without_score: int
     """Number of scenarios in which the tracker failed or did not take part."""
     relative_error: float | None
-    """Geometric mean over scenarios of the error, divided by the geometric mean error of the competing trackers in the
-    scenario. None without a score in any scenario."""
+    """Geometric mean over scenarios of a ratio: the tracker's error to the geometric mean of the competing trackers'
+    errors in the scenario. None without a score in any scenario."""
     reference: bool = False
-    """Whether the tracker is no competitor, so that it is listed after the others."""
+    """Whether the tracker knows origins of detections or later measurements, so that it is listed after the competing
+    trackers."""
 
 
 class GateResult(ResultModel):
-    """Outcome of a limit on how much worse a metric may be, for one tracker of a later set in one scenario."""
+    """Outcome of a limit on the regression of a metric, for one tracker of a later result in one scenario."""
 
     scenario: str
     entrant: Entrant
     metric: str
     percent: float
     outcome: GateOutcome
-    """passed, failed or undecided, by the test of a limit; ``error`` where the entrant has no value."""
+    """passed, failed or undecided, by the test of a limit; ``error`` where the tracker has no value."""
     text: str
 
 
 class OrderInWorlds(ResultModel):
-    """Which of two trackers is better in each world of a scenario."""
+    """Better of two trackers in each world (variant with other drivers and sensors) of a scenario."""
 
     scenario: str
-    """Name of the scenario without its world."""
+    """Name of the scenario without the suffix for its world, such as "highway" for "highway-human"."""
     a: str
-    """Tracker with the smaller error in the first world."""
+    """Name of the tracker with the smaller error in the first world."""
     b: str
     ahead: dict[str, str | None]
-    """Tracker that is shown to be better by more than the margin, by name of the world; None where neither is. The
-    tests are corrected for the pairs in all worlds of the scenario."""
+    """Tracker that is shown to be better by more than the margin, by name of the world; None where neither is shown to
+    be better. The tests are corrected for the pairs in all worlds of the scenario."""
 
     @property
     def order(self) -> Literal["holds", "turns", "holds in part", "not shown"]:
-        """Order over all worlds. holds: the same tracker is ahead in each; turns: each is ahead in some world."""
+        """Whether one tracker is better in each world (holds), or each tracker is better in some world (turns).
+
+        holds in part: one tracker is better in some worlds, and neither is shown to be better in the others. not shown:
+        neither tracker is statistically better in any world.
+        """
         winners = {*self.ahead.values()}
         if {self.a, self.b} <= winners:
             return "turns"
@@ -259,7 +268,7 @@ class OrderInWorlds(ResultModel):
 
 
 class Comparison(ResultModel):
-    """Comparison of entrants over scenarios. An entrant is a tracker in a set of results; set 0 is the baseline.
+    """Comparison of trackers over scenarios: scores, differences, ranking and limits; set of results 0 is the baseline.
 
     The fields describe the scenarios that one metric ranks; ``groups`` has a comparison for each such metric.
     """
@@ -276,8 +285,9 @@ class Comparison(ResultModel):
     overall: list[OverallChange]
     """Changes against the baseline, pooled over several scenarios; empty for one scenario."""
     baseline: str | None = None
-    """Tracker that the others are shown against: the one the user named, else the ``score.baseline`` of all scenarios,
-    else the best over several scenarios. None for several sets, and for one scenario without a baseline."""
+    """Name of the tracker that all other trackers are compared with on pages: the tracker that the user named, else the
+    ``score.baseline`` of all scenarios, else the best over several scenarios. None for several sets, and for one
+    scenario without a baseline."""
     sets_of_scenes: list[list[str]]
     """Names of the scenarios, grouped where they share scenes, so that their differences are correlated."""
     ranking: list[RankedTracker]
@@ -287,12 +297,14 @@ class Comparison(ResultModel):
     notes: list[str]
     """Remarks for the reader on what limits or qualifies the comparison."""
     worlds: list[OrderInWorlds] = Field(default_factory=list)
-    """Order of every pair of trackers of a single set, for scenarios in several worlds."""
+    """Order of every pair of trackers of a single set, for scenarios in several worlds (variants with other drivers and
+    sensors)."""
     places: dict[str, int] = Field(default_factory=dict)
-    """Index of each tracker in the first scenario file that has it, which selects its colour; only the first group has
-    this."""
+    """Index of each tracker in the first scenario file that has it, which selects its colour. Filled only in this
+    comparison, empty in ``other_groups``."""
     origins: list[SetOrigin] = Field(default_factory=list)
-    """When and with which code each of several sets was made; only the first group has this."""
+    """When and with which code each of several sets of results was made. Filled only in this comparison, empty in
+    ``other_groups``."""
     without_truth: list[str] = Field(default_factory=list)
     """Names of the scenarios that are not compared because they have no truth."""
     commands: list[str] = Field(default_factory=list)
@@ -302,13 +314,13 @@ class Comparison(ResultModel):
 
     @property
     def groups(self) -> list[Comparison]:
-        """One comparison for each metric that ranks trackers, over the scenarios in which it ranks them."""
+        """This comparison, then ``other_groups``: one for each ranking metric, over the scenarios that it ranks."""
         others = [group.model_copy(update={"origins": self.origins}) for group in self.other_groups]
         return [self.model_copy(update={"other_groups": []}), *others]
 
     @property
     def passed(self) -> bool:
-        """Whether every limit is shown to be kept in every group."""
+        """Whether every limit on regressions is shown to be kept, in all scenarios."""
         return all(outcome == "passed" for outcome in self.outcomes)
 
     @property

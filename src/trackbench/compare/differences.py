@@ -1,4 +1,4 @@
-"""Differences between entrants: which entrants are compared, by how much they differ, and whether that is shown."""
+"""Differences between trackers of results: which pairs are compared, their differences, and the verdicts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOTED = 0.01
 
 @dataclass(frozen=True)
 class Match:
-    """Result and the baseline that it is compared with (or the same result), with the compared pairs of trackers."""
+    """Result, the baseline result that it is compared with (or itself), and the compared pairs of trackers."""
 
     scenario: str
     entry: Entry
@@ -40,14 +40,14 @@ class Match:
     how: Comparability
     pairs: tuple[tuple[str, str], ...]
     selected: bool = False
-    """Whether all trackers are compared with one that may have been chosen for its values in the same data."""
+    """Whether all trackers are compared with one tracker that may have been chosen as the best in the same data."""
 
     def choices(self, metric: Metric) -> float:
-        """Return the factor on p-values for the choice of a tracker in the same data; 0 without a choice."""
+        """Return the factor on p-values for the choice of the best tracker in the same data; 0 without a choice."""
         return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
 
     def entrants(self, pair: tuple[str, str]) -> tuple[Entrant, Entrant]:
-        """Return both trackers of a pair as entrants of their sets."""
+        """Return both trackers of a pair, each with the index of its set of results."""
         return Entrant(tracker=pair[0], set=self.number), Entrant(tracker=pair[1])
 
 
@@ -57,8 +57,9 @@ def match_within(entry: Entry, trackers: Sequence[str], baseline: str | None = N
     Args:
         entry: the result.
         trackers: names of the trackers to compare.
-        baseline: tracker that the user named, in place of the scenario's baseline or of the best. All pairs stay
-            compared where they are: a baseline that is named with the results at hand makes no p-value smaller.
+        baseline: tracker that the user named, in place of the scenario's baseline or of the best. Where the scenario
+            compares all pairs, all pairs stay compared: naming a baseline after seeing the results makes no p-value
+            smaller.
     """
     how, score = Comparability.of_all(entry.result.summary.runs, ""), entry.result.summary.score
     names, stated = list(trackers), score.baseline if score.baseline in trackers else None
@@ -74,7 +75,7 @@ def match_within(entry: Entry, trackers: Sequence[str], baseline: str | None = N
 
 
 def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Pair each tracker of a later result with its namesake in the baseline; a single tracker with a single one."""
+    """Pair each tracker of a later result with the baseline's tracker of equal name, or the only with the only one."""
     if len(ours) == len(theirs) == 1:
         return ((theirs[0], ours[0]),)
     return tuple((name, name) for name in ours if name in theirs)
@@ -87,16 +88,17 @@ def judged_differences(
     over_scenarios: bool,
     limits: Mapping[str, float] | None = None,
 ) -> tuple[list[PairDifference], list[NotCompared]]:
-    """Return the difference of every compared pair by every metric, and the pairs in which one has no value.
+    """Return the difference of each compared pair by each metric, and the pairs in which a tracker has no value.
 
     The p-values are corrected for their number, over all metrics together: in all scenarios, or within each scenario
-    and its worlds. With several sets, pairs that are equal in every run do not count: they cannot be called different.
+    and its worlds (variants of a scenario with other drivers and sensors). With several sets of results, pairs that are
+    equal in every run do not count: they cannot be called different.
 
     Args:
         matches: results and pairs of trackers to compare.
         metrics: metrics to compare by.
-        over_scenarios: whether all scenarios are corrected together, as for several sets.
-        limits: largest margin as a percentage of the reference, by metric.
+        over_scenarios: whether the p-values of all scenarios are corrected together, as for several sets of results.
+        limits: largest margin as a percentage of the value that is compared against, by metric.
     """
     compared: list[_Uncorrected] = []
     missing: list[NotCompared] = []
@@ -128,7 +130,7 @@ class _Uncorrected(NamedTuple):
     choices: float
 
     def judged(self, p_value: float) -> PairDifference:
-        """Return the difference with the corrected p-value and the verdict that follows from it."""
+        """Return the difference with its corrected p-value, and the verdict that follows from this p-value."""
         verdict = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
         return self.item.model_copy(update={"p_value": p_value, "verdict": verdict})
 
@@ -199,7 +201,10 @@ def differences_to(baseline: str, differences: Sequence[PairDifference]) -> list
 
 
 def _scenes_ahead(match: Match, pair: tuple[str, str]) -> tuple[int, int] | None:
-    """Return the number of scenes in which the first tracker has the smaller error, and the number of all scenes."""
+    """Return in how many scenes the first tracker has the smaller error, and the number of all scenes; else None.
+
+    The result is None with a single scene, or where the two results have different scenes.
+    """
     scenes, scenes_of_other = (entry.result.summary.truth.scenes for entry in (match.entry, match.against))
     if len(scenes) < 2 or [scene.name for scene in scenes] != [scene.name for scene in scenes_of_other]:
         return None
@@ -214,7 +219,7 @@ def _scenes_ahead(match: Match, pair: tuple[str, str]) -> tuple[int, int] | None
 def coverage_notes(
     matches: Sequence[Match], differences: Sequence[PairDifference], metrics: Sequence[Metric]
 ) -> Iterator[str]:
-    """Yield notes on pairs in which one gave fewer estimates, and whether the charge for missing ones sets the sign."""
+    """Yield notes on pairs with fewer estimates by one tracker, and if the charge for missing ones sets the sign."""
     compared = {(item.scenario, item.entrant, item.against) for item in differences}
     directed = [metric.path for metric in metrics if metric.better is not None]
     uncounted = [

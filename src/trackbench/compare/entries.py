@@ -1,4 +1,4 @@
-"""Results to be compared, as the command line names them: the folder of a run, or a folder of such folders."""
+"""Stored results to be compared, loaded from the folder of a run or from a folder with folders of runs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Entry:
         return self.result.tables[name]
 
     def failure(self, tracker: str) -> str | None:
-        """Return why a tracker is not compared with the others; None where it is compared."""
+        """Return why a tracker is not compared with other trackers, such as a failure; None if it is compared."""
         return self.result.why_unscored(self.result[tracker]) or None
 
     def coverage(self, tracker: str) -> float:
@@ -81,23 +81,23 @@ class Entry:
 
     @cached_property
     def stretches(self) -> int:
-        """Number of stretches of time that intervals rest on; 0 where they rest on runs or scenes."""
+        """Number of stretches of time that intervals come from; 0 where they come from runs or scenes."""
         table = self.result.tables.if_there("stretches")
         return len(pc.unique(table["stretch"])) if len(table) else 0
 
     def over_stretches(self, metric: Metric) -> bool:
-        """Return whether the interval of a metric rests on stretches of time."""
+        """Return whether the interval of a metric is computed from stretches of time instead of runs or scenes."""
         return {*metric.columns} <= {*self.result.tables.if_there("stretches").column_names}
 
     @cached_property
     def repeatable(self) -> bool:
-        """Whether no random numbers are drawn: an unchanged tracker has the same values in each repetition."""
+        """Whether the run uses no random numbers, so that a repetition gives an unchanged tracker the same values."""
         return same_every_run(self.scenario)
 
     def without_interval(self, metric: Metric) -> str:
-        """Return why the result cannot show that a metric got worse, and what would help; empty where it can.
+        """Return why the result cannot show that a metric got worse, with advice; empty if it can show that.
 
-        A regression takes an interval, or recorded data in which nothing is drawn.
+        To show that a metric got worse takes an interval, or recorded data without random numbers.
         """
         summary = self.result.summary
         scenes = len(summary.truth.scenes)
@@ -123,7 +123,7 @@ class Entry:
     ) -> Interval | None:
         """Return a metric of a tracker with the influence of each run or scene; None where there is nothing to compare.
 
-        With several scenes, it has the influence of each scene.
+        With several scenes, the interval has the influence of each scene, else of each run.
 
         Args:
             tracker: name of the tracker.
@@ -158,14 +158,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class ResultSet:
-    """Results of one version of the trackers, one for each scenario."""
+    """Results of one version of the trackers: one stored result for each scenario, under a common label."""
 
     label: str
     entries: tuple[Entry, ...]
 
 
 def results_in(folder: Path, finished: Sequence[Result]) -> ResultSet:
-    """Make a set of finished results; the label of each is a folder of its scenario's name in ``folder``."""
+    """Return a set of finished results in memory; each is labelled by the path of its scenario's name in ``folder``."""
     return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in finished))
 
 
@@ -173,8 +173,8 @@ def find_sets(paths: Sequence[Path]) -> list[ResultSet]:
     """Load the set of results at each path.
 
     Raises:
-        InputError: as :func:`find_results`; or among several paths some are files or folders without results, such as
-            those that a shell's ``*`` names beside the results.
+        InputError: a path fails as in :func:`find_results`; or some of several paths hold no results, such as files
+            that a shell's ``*`` also matches.
     """
     others = [path for path in paths if path.exists() and not _has_results(path)]
     if others and len(paths) > 1:

@@ -1,4 +1,4 @@
-"""Limits on regressions: whether a later result is worse than the baseline by more than is allowed."""
+"""Limits on regressions: whether a tracker got worse than in the baseline result by more than a stated percentage."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OPTION = "--fail-on-regression"
 
 
 class Limit(NamedTuple):
-    """Largest percentage by which a metric may be worse than in the baseline."""
+    """Largest percentage by which a metric is allowed to be worse than in the baseline result."""
 
     metric: str
     percent: float
@@ -42,12 +42,12 @@ def gate_results(
     differences: Sequence[PairDifference],
     missing: Sequence[NotCompared],
 ) -> list[GateResult]:
-    """Return the outcome of each limit for each tracker of each later set in each scenario.
+    """Return the outcome of each limit for each tracker of each later set of results, in each scenario.
 
-    A limit is a test of non-inferiority. It is kept (``passed``) where the whole 95 % interval of the difference is
-    within it. It is broken (``failed``) where the value is worse by more than the limit, and shown by the corrected
-    p-value to be worse by more than the margin, which is at most the limit. Else it is ``undecided``, and does not
-    pass. Values of the same recorded data without an interval are compared as they are.
+    A limit is a test of non-inferiority. A limit is kept (``passed``) where the whole 95 % interval of the difference
+    is within the limit. A limit is broken (``failed``) where the value is worse by more than the limit, and the
+    corrected p-value shows that the value is worse by more than the margin, which is at most the limit. Else the limit
+    is ``undecided``, and does not pass. Values of the same recorded data without an interval are compared as they are.
     """
     results = []
     for limit in limits:
@@ -109,5 +109,5 @@ def limits_in_words(outcomes: Sequence[GateOutcome]) -> str:
 
 
 def exit_line(outcomes: Sequence[GateOutcome], status: int) -> str:
-    """Return a line with the number of kept limits, and the exit status with its rule."""
+    """Return a line for the terminal: how many limits are kept, the exit status of the command, and its rule."""
     return f"{limits_in_words(outcomes)}: exit status {status} (0: all kept)"

@@ -13,7 +13,7 @@ from trackbench.results.checks import differing
 
 
 def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequence[str] | None) -> list[SetOrigin]:
-    """Return when and with which code each of several sets was made, in order; empty for a single set.
+    """Return when and with which code each of several sets of results was made, in order; empty for a single set.
 
     Args:
         count: number of sets that are compared, the baseline first.
@@ -35,7 +35,7 @@ def origins_of_sets(count: int, cells: Sequence[ScenarioResults], trackers: Sequ
 
 
 def order_notes(origins: Sequence[SetOrigin], sets: Sequence[ResultSet]) -> Iterator[str]:
-    """Yield a note on each set that stands after a set that was made later."""
+    """Yield a note on each set of results that is listed after a set that was made later."""
     for before, after in pairwise(origins):
         if before.made_at and after.made_at and after.made_at < before.made_at:
             yield f"{sets[after.set].label} was made before {sets[before.set].label}, which is listed before it"

@@ -17,9 +17,10 @@ def overall(
     """Return the change of each entrant against the baseline, pooled over the scenarios, for each metric.
 
     Args:
-        differences: differences to the baseline.
+        differences: differences of trackers to the baseline, in each scenario.
         sets: names of scenarios, grouped where they share scenes.
-        scores: scores of the entrants; where runs diverged, few decide a mean, and the pooled one has no interval.
+        scores: scores of the entrants; where runs diverged, few runs decide a mean, and the pooled change has no
+            interval.
     """
     number = {scenario: number for number, members in enumerate(sets) for scenario in members}
     diverged = [(score.scenario, score.entrant) for score in scores if score.diverged_runs]
@@ -52,9 +53,9 @@ def overall(
 def pooled(ratios: Sequence[LogRatio], sets: Sequence[int]) -> tuple[float, float | None]:
     """Return the mean over all scenarios of the log ratios of errors, and half of its 95 % interval.
 
-    The scenarios are fixed: their ratios may differ, and the interval is over other noise and scenes of each. Errors
-    of scenarios that share scenes are added as fully correlated, the others are independent. Source of the degrees of
-    freedom: Satterthwaite (1946), "An approximate distribution of estimates of variance components".
+    The scenarios are fixed: their ratios are allowed to differ, and the interval is over other noise and scenes of
+    each. Errors of scenarios that share scenes are added as fully correlated, the others are independent. Source of the
+    degrees of freedom: Satterthwaite (1946), "An approximate distribution of estimates of variance components".
     ``benchmarks/calibration/pooled.py`` measures the coverage. With squared errors of single runs that differ by a
     factor of e, one standard deviation, 13 scenarios of 20 runs cover 92 %.
 

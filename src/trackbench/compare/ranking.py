@@ -31,7 +31,7 @@ class Pairings:
                 self._better[item.scenario, frozenset((a, b))] = better
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
-        """Return the one of two trackers that is shown to be better in a scenario; None where neither is."""
+        """Return the name of the tracker, of two, that is shown to be better in a scenario; None for neither."""
         return self._better.get((scenario, frozenset((a, b))))
 
     def compared(self, scenario: str, a: str, b: str) -> bool:
@@ -47,9 +47,9 @@ def entrant_scores(
     pairings: Pairings | None,
     compared: Sequence[str] = (),
 ) -> list[EntrantScore]:
-    """Return the scores of the trackers of one result, in the order of the scenario.
+    """Return metric values and rank of each tracker of one result, in the order of the scenario file.
 
-    ``compared``: paths of metrics to keep beside those that are always shown.
+    ``compared``: paths of metrics to keep, beside the metrics that are always displayed.
     """
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
     contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in trackers]
@@ -83,10 +83,10 @@ def _leads(name: str, best: str, scenario: str, pairings: Pairings) -> bool:
 
 
 def sets_of_scenes(scenes: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """Return the scenarios grouped where they share scenes, directly or through others, in the order of the first.
+    """Return names of scenarios, grouped where they share scenes, directly or through a third scenario.
 
     Args:
-        scenes: fingerprints of the scenes of each scenario; a scenario without any is a set of its own.
+        scenes: fingerprints of the scenes of each scenario; a scenario without fingerprints is a group of its own.
     """
     sets: list[list[str]] = []
     for name, fingerprints in scenes.items():
@@ -105,10 +105,11 @@ def _share(first: Sequence[str], second: Sequence[str]) -> bool:
 
 
 def ranked_trackers(scores: Sequence[EntrantScore], metric: str) -> list[RankedTracker]:
-    """Return the trackers of one set of results, best first, and the references after the others.
+    """Return the trackers of one set of results, best first, and the references after all competing trackers.
 
     The tracker with the fewest scenarios without a score is first, then the tracker with the smallest relative error.
-    Between trackers with a score in all scenarios, the ratio of relative errors is the pooled ratio of ``overall``.
+    Between trackers with a score in all scenarios, the ratio of relative errors is the pooled ratio in
+    ``Comparison.overall``.
 
     Args:
         scores: scores of every tracker in every scenario.

@@ -1,12 +1,11 @@
 """Reports as data, free of markup, and their renderers for a terminal, HTML, Markdown, LaTeX, CSV and image files.
 
-A report builds a :class:`Document` from the blocks in this file, the one to read first;
+A report builds a :class:`Document` from the blocks in this file, which is the file to read first;
 :func:`trackbench.document.files.files` returns the document's files in a format.
 
-The first screen of a page is a section with a strong :class:`Paragraph` (the answer), a :class:`Status`, a
-:class:`Row` of a table and a figure, and folded sections. Its table has bars
-(``Cell(text, bar=(value, low, high), tracker=name)``) and verdicts (``Cell("optimistic", tone="bad", chip=True)``);
-other formats show only the texts.
+The first screen of a page is a section with a strong :class:`Paragraph` (the answer), a :class:`Status`, a :class:`Row`
+of a table and a figure, and folded sections. Its table has bars (``Cell(text, bar=(value, low, high), tracker=name)``)
+and verdicts (``Cell("optimistic", tone="bad", chip=True)``); other formats show only the texts.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class TrackerStyle:
     """Colour, line and marker of a tracker in every figure."""
 
     key: str
-    """CSS class and SVG id of all that is drawn for the tracker."""
+    """CSS class and SVG id of all lines and markers of the tracker."""
     name: str
     colour: str
     line: Any = "solid"
@@ -38,12 +37,12 @@ class TrackerStyle:
 
     @property
     def line_options(self) -> dict[str, Any]:
-        """Keyword arguments of matplotlib for the tracker's lines."""
+        """Keyword arguments of matplotlib for the tracker's lines, such as colour and line style."""
         return {"color": self.colour, "linestyle": self.line, "marker": self.marker, "markevery": 0.1, "gid": self.key}
 
     @property
     def point_options(self) -> dict[str, Any]:
-        """Keyword arguments of matplotlib for the tracker's points."""
+        """Keyword arguments of matplotlib for the tracker's points, such as colour and marker."""
         return {"color": self.colour, "linestyle": "none", "marker": self.marker or "o", "gid": self.key}
 
 
@@ -62,7 +61,7 @@ class Cell:
     strong: bool = False
     """Whether the cell stands out, such as the best value."""
     link: str = ""
-    """Path that the cell links to, relative to the document."""
+    """Path that the cell links to, relative to the document; empty for no link."""
     chip: bool = False
     """Whether an HTML page shows the text, a verdict, as a coloured label."""
     bar: tuple[float, float, float] | None = None
@@ -76,7 +75,7 @@ CUT_OFF_FACTOR = 4.0
 
 
 def end_of_axis(sizes: Iterable[float]) -> float:
-    """Return the largest positive size that is no outlier, where an axis of bars ends; 0 if no size is positive."""
+    """Return the end of an axis for bars: the largest positive size that is no outlier; 0 if no size is positive."""
     ordered = sorted(size for size in sizes if size > 0)
     limit = CUT_OFF_FACTOR * ordered[(len(ordered) - 1) // 2] if ordered else 0.0
     return max((size for size in ordered if size <= limit), default=0.0)
@@ -84,10 +83,10 @@ def end_of_axis(sizes: Iterable[float]) -> float:
 
 @dataclass(frozen=True)
 class Column:
-    """Heading of a column."""
+    """Column of a table: heading with unit, explanation, and alignment of the cells."""
 
     heading: str
-    """Text of the heading, with the unit of the values below."""
+    """Text of the heading, with the unit of the column's values."""
     explanation: str = ""
     left: bool = False
     """Whether the cells are flush left (names, sentences) instead of flush right (numbers)."""
@@ -107,7 +106,7 @@ class Table:
 
     @classmethod
     def of_columns(cls, name: str, columns: Sequence[tuple[Column, Sequence[Cell]]], caption: str = "") -> Table:
-        """Return a table made from columns, each a heading with its cells from top to bottom."""
+        """Return a table made from columns; each column is a heading with its cells from top to bottom."""
         rows = zip(*(cells for _, cells in columns), strict=True)
         return cls(name, tuple(column for column, _ in columns), tuple(rows), caption)
 
@@ -123,14 +122,14 @@ class Table:
         return next((i for i, cell in enumerate(first) if cell.tracker), 0)
 
     def axis(self, index: int) -> tuple[float, float]:
-        """Return the lower and upper end of the axis on which a column's bars are drawn; it includes zero."""
+        """Return the lower and upper end of the axis for the bars in the column ``index``; the axis includes zero."""
         bars = [row[index].bar for row in self.rows]
         limit = end_of_axis(abs(bar[0]) for bar in bars if bar)
         shown = [end for bar in bars if bar and abs(bar[0]) <= limit for end in bar]
         return min(0.0, *shown), max(0.0, *shown)
 
     def mark(self, cell: Cell) -> str:
-        """Return the number of a cell's footnote as text; empty for a cell without footnote."""
+        """Return the number from 1 of a cell's footnote as text; empty for a cell without footnote."""
         return str(self.reasons.index(cell.reason) + 1) if cell.reason else ""
 
 
@@ -143,7 +142,7 @@ class LegendEntry:
     """``#rrggbb``, or a named colour of :mod:`trackbench.document.drawing`."""
     mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "plus", "ring", "triangle"] = "line"
     key: str = ""
-    """Key of the tracker's style; empty for other entries."""
+    """``TrackerStyle.key`` of the tracker that the entry is about; empty for other entries."""
 
 
 @dataclass(frozen=True)
@@ -157,21 +156,21 @@ class Figure:
     alternative: str
     """Text alternative for readers who cannot see the figure."""
     paint: Callable[[figure.Figure], None]
-    """Function that draws the content on an empty matplotlib figure."""
+    """Function that paints the content on an empty matplotlib figure."""
     height: float
     """Height of the figure, pixels."""
     width: float | None = None
     """Width of the figure, pixels; None for the width of a column of text."""
     legend: tuple[LegendEntry, ...] = ()
     tooltips: Mapping[str, str] = field(default_factory=dict)
-    """Tooltips by the gid of a matplotlib artist."""
+    """Texts of tooltips, by the gid (group id in the SVG) of the matplotlib artist that has the tooltip."""
     replay: ReplayScene | None = None
     """Scene that an HTML page plays in place of the figure; None to show the figure."""
 
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Paragraph of one or more sentences."""
+    """Text of one or more sentences, perhaps emphasised."""
 
     text: str
     strong: bool = False
@@ -187,19 +186,19 @@ class Status:
 
 @dataclass(frozen=True)
 class Item:
-    """Entry of a list: label, text and small print."""
+    """Item of a bulleted list: label, text and small print."""
 
     text: str
     label: str = ""
-    """Subject of the entry, shown before the text."""
+    """Subject of the list item, displayed before the text; empty for none."""
     detail: str = ""
-    """Small print after the text."""
+    """Small print after the text; empty for none."""
     tone: Tone = ""
 
 
 @dataclass(frozen=True)
 class Items:
-    """Bulleted list."""
+    """Bulleted list of items."""
 
     items: tuple[Item, ...]
 
@@ -237,11 +236,11 @@ class Document:
     """Whole report: title, facts and blocks, free of markup."""
 
     kind: str
-    """Kind of report, such as "report" or "comparison"."""
+    """Type of report, such as "report" or "comparison"."""
     title: str
     blocks: tuple[Block, ...]
     lead: str = ""
-    """Introductory sentence under the title."""
+    """Introductory sentence under the title; empty for none."""
     facts: tuple[str, ...] = ()
     """Short facts about the run, such as "seed 7"."""
     trackers: tuple[TrackerStyle, ...] = ()

@@ -98,7 +98,7 @@ def figure_file(figure: Figure, kind: str) -> bytes:
 
 
 def matplotlib_figure(figure: Figure) -> Canvas:
-    """Return a figure of matplotlib with the drawn content, on white and with its legend."""
+    """Return the matplotlib figure with painted content, on a white ground and with its legend."""
     with _drawn(figure, _ON_WHITE, legend=True) as canvas:
         canvas.set_facecolor("white")
     return canvas
@@ -128,7 +128,7 @@ def _saved(canvas: Canvas, kind: str) -> bytes:
 
 @contextmanager
 def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
-    """Yield the drawn matplotlib figure; named colours and settings hold until the context ends."""
+    """Yield the painted matplotlib figure; named colours and settings hold until the context ends."""
     width = figure.width or WIDTH
     columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
@@ -249,7 +249,7 @@ def panel_title(axes: Axes, name: str, width: float) -> None:
 
 
 def fit_value_axis(axes: Axes, drawn: Sequence[Array]) -> bool:
-    """Fit the y axis to the values ``drawn``, logarithmic if they span orders of magnitude.
+    """Fit the y axis to the values ``drawn`` on it; make the axis logarithmic if they span orders of magnitude.
 
     Returns:
         Whether the axis is logarithmic.

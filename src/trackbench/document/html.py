@@ -1,4 +1,4 @@
-"""A document as one HTML file that loads no other file, for a screen, a phone or paper."""
+"""Conversion of a document to one HTML file that loads no other file, for a screen, a phone or paper."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def to_html(document: Document) -> str:
 
 
 def _bar_on_axis(table: Table, index: int, cell: Cell) -> dict[str, Any]:
-    """Return start and width of a cell's bar and ends of its interval, % of the axis, and the cut-off side."""
+    """Return a cell's bar in % of the axis: start, width and ends of the interval; and the side that is cut off."""
     assert cell.bar is not None
     begin, end = table.axis(index)
     span = end - begin or 1.0
@@ -68,6 +68,6 @@ def _replay_of_page(scene: ReplayScene) -> dict[str, Any]:
 
 
 def _shared_legend(document: Document) -> list[LegendEntry]:
-    """Return the legend of the page: the trackers, and the entries that several figures have."""
+    """Return the legend of the whole page: entries of trackers, and other entries that several figures have."""
     entries = Counter(entry for figure in document.figures for entry in figure.legend)
     return [entry for entry, figures in entries.items() if entry.key or figures > 1]

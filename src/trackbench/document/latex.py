@@ -1,4 +1,4 @@
-"""A table as LaTeX."""
+"""Conversion of a table to LaTeX: a ``tabular`` with booktabs rules."""
 
 from __future__ import annotations
 

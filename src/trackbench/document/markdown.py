@@ -41,7 +41,7 @@ def _template() -> Template:
 
 
 def _fenced(block: Code) -> Markup:
-    """Return a code block whose fence is longer than any run of backticks in the text."""
+    """Return a Markdown code block whose fence is longer than any sequence of backticks in the text."""
     longest = max((len(match) for match in re.findall("`+", block.text)), default=0)
     fence = "`" * max(3, longest + 1)
     return Markup("\n".join([f"{fence}{block.language}", block.text.rstrip("\n"), fence]))

@@ -23,7 +23,7 @@ SIGMAS = float(np.sqrt(-2 * np.log(0.05)))
 
 
 def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
-    """Return a scene as base64 of deflated JSON, and n if only every n-th instant is kept.
+    """Return a scene as base64 of deflated JSON, and the n of which only every n-th instant is kept.
 
     The n is about the smallest for which the text has at most ``limit`` characters.
     """
@@ -39,7 +39,7 @@ def packed_replay(scene: ReplayScene, limit: int = LIMIT) -> tuple[str, int]:
 
 
 def series(values: Array, quantum: float) -> dict[str, Any]:
-    """Return values as integers, multiples of ``quantum``: their first or second differences, whichever sum to less."""
+    """Return values as integer multiples of ``quantum``, differenced once or twice, whichever gives smaller numbers."""
     counts = np.rint(np.clip(np.asarray(values, dtype=float) / quantum, -_LARGEST, _LARGEST)).astype(np.int64)
     differences = {order: np.diff(counts, order, prepend=[0] * order) for order in (1, 2)}
     order = min(differences, key=lambda order: int(np.abs(differences[order]).sum()))
@@ -52,7 +52,7 @@ def _text(scene: ReplayScene, instants: Array, every: int) -> str:
 
 
 def _content(scene: ReplayScene, instants: Array, every: int) -> dict[str, Any]:
-    """Return the scene for JSON: paths at ``instants``, one scan in ``every``, and charts."""
+    """Return the scene for JSON: paths at ``instants``, measurements of one scan in ``every``, events and charts."""
     paths, measurements = [], []
     for path in scene.paths:
         is_packed = np.isin(_ticks(path.time), instants)

@@ -63,10 +63,11 @@ _LINES = (("solid", ""), ((0, (6, 1.5, 1.5, 1.5)), "s"), ((0, (1.5, 1.5)), "^"))
 
 
 def tracker_styles(places: Mapping[str, int] | Sequence[str]) -> Styles:
-    """Return the style of each tracker by name; trackers of one colour differ in line and marker.
+    """Return the style of each tracker by name; trackers with equal colours differ in line and marker.
 
     Args:
-        places: index of each tracker in its scenario, which determines the colour; or all names in this order.
+        places: index of each tracker in its scenario, which determines the colour; or all names in the order of the
+            scenario file.
     """
     if not isinstance(places, Mapping):
         places = {name: place for place, name in enumerate(places)}

@@ -1,6 +1,6 @@
 """A replay as data: a text, scenes seen from above, and charts over simulated time.
 
-A recording stores all of it; an HTML page plays one scene.
+A Rerun recording stores the text, scenes and charts; an HTML page plays one scene.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from trackbench.document import LegendEntry, TrackerStyle
 
 
 class ChartLine(NamedTuple):
-    """Values over time, drawn as a line in a chart."""
+    """Line in a chart: times, values, name, colour and width."""
 
     entity: tuple[str, ...]
     """Path of the line in a Rerun recording, below the path of the chart."""
@@ -32,7 +32,7 @@ class ChartLine(NamedTuple):
 
 @dataclass(frozen=True)
 class Chart:
-    """Lines of one quantity over time, with an axis that they share."""
+    """Chart of one quantity over time: lines that share an axis, with bounds."""
 
     place: tuple[str, ...]
     """Path of the chart in a Rerun recording, below the path of all charts."""
@@ -42,13 +42,13 @@ class Chart:
     lines: tuple[ChartLine, ...]
     bounds: tuple[ChartLine, ...] = ()
     signed: bool = False
-    """Whether values may be negative, so that zero is in the middle of the axis."""
+    """Whether values can be negative, so that zero is in the middle of the axis."""
     share: bool = False
     """Whether the values are shares of one, such as mode probabilities; the lines then have a legend."""
 
     @property
     def title(self) -> str:
-        """Name of the quantity with its unit, for the axis."""
+        """Title of the axis: name of the quantity with its unit, as "position error, m"."""
         return f"{self.quantity}, {self.unit}" if self.unit else self.quantity
 
     @property
@@ -57,7 +57,7 @@ class Chart:
         return float(_finite(self.lines).max(initial=0.0))
 
     def span(self, shown: float = 0.0) -> tuple[float, float]:
-        """Return the lower and upper end of the axis, which cuts off outliers such as the start of a track.
+        """Return the lower and upper end of the value axis, which cuts off outliers such as the start of a track.
 
         Args:
             shown: value that the axis of a quantity that is neither signed nor a share must include.
@@ -100,7 +100,7 @@ class ReplayPath:
     label: str = ""
     """Text beside an estimate in a page, such as the number of a track; a vehicle shows its name."""
     heading: Array | None = None
-    """Headings ``(k,)``, rad, unwrapped; None for a point without a body."""
+    """Headings ``(k,)``, rad, unwrapped; None for a point without length and width."""
     size: tuple[float, float] = (0.0, 0.0)
     """Length and width of the body, m."""
     is_observer: bool = False
@@ -155,14 +155,14 @@ class ReplayScene:
     beside: tuple[Chart, ...] = ()
     below: tuple[Chart, ...] = ()
     lanes: tuple[Array, ...] = ()
-    """Edges of the lanes, each a line through points ``(2, k)`` in the fixed frame, m."""
+    """Edges of road lanes, each a line through points ``(2, k)`` in the fixed frame, m."""
     trackers: tuple[TrackerStyle, ...] = ()
-    """Styles of the trackers that a reader may choose to show."""
+    """Styles of the trackers that a reader can choose to display."""
     shown: tuple[str, ...] = ()
-    """Names of the trackers shown at first, best first."""
+    """Names of the trackers that are displayed at first, best first."""
     events: tuple[ReplayEvent, ...] = ()
     start: ReplayStart | None = None
-    """Time and vehicle shown first; None for the first instant and the whole scene."""
+    """Time and vehicle that the scene displays first; None for the first instant and the whole scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +171,9 @@ class Replay:
 
     name: str
     kind: str
-    """Kind of replay, such as run; the viewer uses one layout for all replays of a kind."""
+    """Type of replay, such as "run"; the Rerun viewer uses one layout for all replays of a type."""
     title: str
-    """Title of the text."""
+    """Title of ``text``."""
     text: str
     """Text in Markdown that is shown beside the scenes, such as the findings of an examination."""
     legend: tuple[LegendEntry, ...]
@@ -186,7 +186,7 @@ Extent = tuple[tuple[float, float], tuple[float, float]]
 
 
 def extent_of(paths: Iterable[ReplayPath]) -> Extent:
-    """Return the ranges of x and y, m, of a view that holds all paths with a margin."""
+    """Return the ranges of x and y, m, of a view from above that holds all paths with a margin around them."""
     positions = np.concatenate([path.position for path in paths], axis=1)
     low, high = positions.min(axis=1) - MARGIN_M, positions.max(axis=1) + MARGIN_M
     (left, bottom), (right, top) = low.tolist(), high.tolist()

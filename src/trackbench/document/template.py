@@ -1,4 +1,4 @@
-"""Jinja2 templates of the text formats."""
+"""Jinja2 environment with the templates of the text formats: HTML, Markdown and JUnit XML."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def _say(console: Console, text: Text) -> None:
 
 
 def print_hanging(console: Console, mark: str | Text, text: Text) -> None:
-    """Print a text after a mark, such as a bullet; all lines of the text are indented by the mark's width."""
+    """Print a text after a mark, such as a bullet; the text's later lines are indented by the mark's width."""
     before = Text.assemble(mark)
     indent = " " * before.cell_len
     for line in text.wrap(console, max(console.width - len(indent), 1)):

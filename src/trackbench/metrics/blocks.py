@@ -1,4 +1,4 @@
-"""Confidence intervals from a single log, by drawing whole blocks: neighbouring residuals are not independent."""
+"""Confidence intervals from a single log by a block bootstrap, since neighbouring residuals are not independent."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class BlockInterval(NamedTuple):
     value: float
     sigma: float
     freedom: float
-    """Degrees of freedom of the standard deviation."""
+    """Degrees of freedom of the standard deviation ``sigma``, for Student's t."""
 
     def bounds(self, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that holds the true value with probability ``level``."""
@@ -42,15 +42,15 @@ class BlockInterval(NamedTuple):
 
 @dataclass(frozen=True)
 class Blocks:
-    """Cuts of a log's rows into blocks: by time and, with many objects, also by object. The wider interval counts."""
+    """Cuts of a log's rows into blocks: by time and, with many objects, also by object. The wider interval is taken."""
 
     cuts: tuple[Indices, ...]
-    """For each way to cut, ``(rows,)`` the number of the block of each row."""
+    """For each way to cut, by time and by object, ``(rows,)`` the number of the block of each row."""
 
     def intervals(self, terms: Array, finish: Callable[[Array], Array]) -> list[BlockInterval]:
         """Return bootstrap intervals, from whole blocks, of statistics that are functions of sums over rows.
 
-        For each statistic the cut with the widest interval counts. Source: Kuensch (1989), "The jackknife and the
+        For each statistic the cut with the widest interval is taken. Source: Kuensch (1989), "The jackknife and the
         bootstrap for general stationary observations"; the t quantile for few blocks as in Cameron, Gelbach and Miller
         (2008), "Bootstrap-based improvements for inference with clustered errors".
 

@@ -78,7 +78,8 @@ def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | Non
 
     Args:
         blocks: number of runs and sums of each block.
-        scene: ``(runs,)`` scene of each run where scenes are the independent parts; None to keep the blocks' parts.
+        scene: ``(runs,)`` scene of each run where scenes are the independent parts; None to keep the parts (runs or
+            stretches of time) of the blocks.
     """
     if scene is None:
         names = ("total", "square", "product", "parts")
@@ -90,7 +91,7 @@ def joined_classes(blocks: Sequence[tuple[int, ClassSums]], scene: Indices | Non
 
 
 def breakdown(scores: BlockScores) -> dict[str, ConditionScores]:
-    """Return one tracker's scores under each condition that occurred; the key "" stands for all estimates."""
+    """Return one tracker's errors and NEES under each condition that occurred; the key "" holds all estimates."""
     ((_, sums),), scenes = scores.classes, scores.scenes
     if not sums.total[0, 0]:
         return {"": ConditionScores(count=0, given=0, runs=0)}
@@ -150,7 +151,8 @@ def _beyond(sums: ClassSums, column: int, parts: Parts) -> dict[str, MetricValue
     """Return the share of the NEES beyond each point of chi-square, by path, where enough estimates are expected.
 
     The variance of a rare share is badly known, and too small where few NEES happen to lie beyond. So the design effect
-    is at least the one at the nearest point. Normal errors have a smaller one, since extremes depend less.
+    is at least as large as at each nearer point. With normal errors the true design effect is smaller, since extremes
+    depend less on each other.
     """
     shares: dict[str, MetricValue] = {}
     given = sums.total[1, column]

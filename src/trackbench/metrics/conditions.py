@@ -89,7 +89,7 @@ def _smoothed(values: Array, truth: Truth) -> Array:
 
 
 def out_of_view(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
-    """Return the time since a sensor could see each object, ``(instants, objects, runs or 1)`` s; infinity before that.
+    """Return the time since each object was last in view, ``(instants, objects, runs or 1)`` s; infinity if never yet.
 
     Args:
         time: times of the truth's steps, s.

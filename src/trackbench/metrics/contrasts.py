@@ -25,18 +25,18 @@ SHARE_OF_ONE, FEW_DECIDE_UNTIL = 0.5, 500
 
 
 def undrawn_share(scenes: int) -> float:
-    """Return the largest share of all scenes that a kind of scene may have though none of it was drawn.
+    """Return the largest share of all scenes that a kind of scene can have though no scene of the kind was sampled.
 
-    A kind with a larger share is drawn with a probability above 95 %. The share is about ``3 / scenes`` (Hanley and
-    Lippman-Hand 1983, "If nothing goes wrong, is everything all right?").
+    A kind with a larger share occurs in a random sample of ``scenes`` scenes with a probability above 95 %. The share
+    is about ``3 / scenes`` (Hanley and Lippman-Hand 1983, "If nothing goes wrong, is everything all right?").
     """
     return float(1.0 - UNDRAWN_LEVEL ** (1.0 / scenes))
 
 
 def turning_factor(scenes: int) -> float:
-    """Return the factor by which the difference in undrawn scenes must exceed the mean difference to turn its sign.
+    """Return the ratio to the mean difference at which an opposite difference in unsampled scenes turns its sign.
 
-    The difference in the undrawn scenes is opposite. For root mean squares the factor is between the mean squares.
+    Unsampled scenes are of a kind that the data lack. For root mean squares the factor applies to the mean squares.
     """
     share = undrawn_share(scenes)
     return (1.0 - share) / share
@@ -47,14 +47,15 @@ class Contrast(NamedTuple):
 
     value: float
     ci95: tuple[float, float] | None
-    """95 % interval. None with fewer than two runs or ``FEWEST_SCENES`` scenes, and where neither value varies between
-    runs."""
+    """95 % interval. None with fewer than two runs, with several scenes but fewer than ``FEWEST_SCENES``, and where
+    neither value varies between runs."""
     p_value: float
     """P-value of the hypothesis that the difference is within the margin: twice the tail probability at the nearer end.
     It is below 5 % exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis
-    that treatments have negligible effects"). Where one scene that was not drawn may decide,
-    its possible effect is added to the margin. Without a margin the test is the two-sided t test; where the difference
-    is the same in every run, the sign test. The p-value is 1 with fewer than two runs or ``FEWEST_SCENES`` scenes."""
+    that treatments have negligible effects"). Where one scene that was not sampled can decide which tracker is better,
+    the possible effect of that scene is added to the margin. Without a margin the test is the two-sided t test; where
+    the difference is the same in every run, the sign test. The p-value is 1 with fewer than two runs or
+    ``FEWEST_SCENES`` scenes."""
     margin: float
     """Largest difference that does not matter; at least the rounding error."""
 
@@ -136,7 +137,7 @@ class LogRatio(NamedTuple):
     error: float | None
     """Standard error of the logarithm; None where runs, scenes or stretches of time are too few or do not vary."""
     freedom: int
-    """Degrees of freedom of the standard error."""
+    """Degrees of freedom of the standard error ``error``, for Student's t."""
 
 
 def log_ratio(a: Interval, b: Interval, *, is_paired: bool) -> LogRatio | None:
@@ -145,7 +146,7 @@ def log_ratio(a: Interval, b: Interval, *, is_paired: bool) -> LogRatio | None:
     Args:
         a: numerator.
         b: denominator.
-        is_paired: whether both come from the same runs.
+        is_paired: whether both values come from the same runs.
     """
     if min(a.value, b.value) <= 0:
         return None
@@ -162,13 +163,13 @@ def log_ratio(a: Interval, b: Interval, *, is_paired: bool) -> LogRatio | None:
 
 
 def _allowed(a: Interval, b: Interval) -> tuple[float, float]:
-    """Return what a difference of two errors allows for undrawn scenes: in the interval, and in the verdict.
+    """Return the allowance for unsampled scenes in a difference of two errors: for its interval, and for its verdict.
 
-    Two trackers may differ in one scene of a hundred alone. Where it is not drawn, their differences are small and the
-    interval of the mean is short: the data do not show what is missing. So the interval allows for a share of the
-    errors, which falls as a standard error does. Where simulated vehicles hide others, one scene of a hundred made up
-    to 47 % of a mean square error; the root without it is 1.37 times smaller. The verdict allows for more than that,
-    the interval does not.
+    Two trackers can differ in one scene of a hundred alone. Without that scene in the sample, their differences are
+    small and the interval of the mean is short: the data do not show what is missing. So the interval allows for a
+    share of the errors, which falls as a standard error does. Where simulated vehicles hide others, one scene of a
+    hundred made up to 47 % of a mean square error; the root without it is 1.37 times smaller. The verdict allows for a
+    larger effect than this share; the interval does not.
     """
     if not all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in (a, b)):
         return 0.0, 0.0

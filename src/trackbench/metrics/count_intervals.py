@@ -1,4 +1,4 @@
-"""Confidence limits of counted shares and rates, valid with few counts and with none."""
+"""Confidence limits of counted shares and rates, valid with few counted events and with none."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ def count_limits(
     The limits are those of Clopper and Pearson (1934) for shares and of Garwood (1936) for rates. The events, or the
     time, are first divided by the factor by which parts vary more than independent counts: Korn and Graubard (1998),
     "Confidence intervals for proportions with small expected number of positive counts estimated from survey data",
-    with their correction for few parts. If nothing or everything counts, all 5 % are spent on the only limit.
+    with their correction for few parts. If no event or every event counts, the interval has one limit, which gets the
+    whole error probability of 5 %.
 
     Args:
         kind: share or rate.
         value: share from 0 to 1, or rate of at least 0.
-        amount: number of events, or time; with several runs of one scene their mean, as another run is no new scene.
+        amount: number of events, or time; with several runs of one scene the mean over these runs, since another run is
+            no new scene.
         error: standard error of the value from the variation between parts.
         parts: number of parts, which are runs or scenes.
         stretch: factor on the half width of an interval over few scenes, applied to the excess variance; 1 for runs.
@@ -45,7 +47,7 @@ def count_limits(
 
 
 def effective_number(share: float, count: float, reach: float) -> float:
-    """Return the number of independent trials that tell as much of a share as ``count`` dependent ones.
+    """Return the number of independent trials that tell as much of a share as ``count`` dependent trials.
 
     It is ``count`` over the design effect, less for a variance that is known from few runs: Korn and Graubard (1998),
     "Confidence intervals for proportions with small expected number of positive counts estimated from cluster samples".

@@ -37,7 +37,8 @@ def verdict_in_words(
     Args:
         metric: NEES or NIS; without a verdict the words are empty. The verdict on whiteness is a word already.
         conditions: scores of the tracker by condition, which tell whether estimates are missing.
-        whole: whether to add where the covariance is off; else one that is right in the mean is "about right overall".
+        whole: whether to add where the covariance is off; else a covariance that is right in the mean is "about right
+            overall".
     """
     if metric.value is None or metric.verdict is None:
         return ""

@@ -27,13 +27,13 @@ VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
 
 @dataclass(frozen=True)
 class Family:
-    """Differences that are corrected together, so that 5 % is the risk of a single wrong verdict among all of them.
+    """Differences that are corrected together, so that 5 % is the risk of any wrong verdict among them all.
 
     The family holds the differences by the metric that ranks, and the differences that an expectation names.
     """
 
     against: str | None = None
-    """Tracker that all others are compared with; None where every pair is compared."""
+    """Name of the tracker that all other trackers are compared with; None where every pair is compared."""
     selected: bool = False
     """Whether the tracker ``against`` was selected by its best value in the same data."""
     expected: Collection[tuple[str, frozenset[str]]] = ()
@@ -51,16 +51,17 @@ class Family:
 def corrected_p_values(p_values: Sequence[float], choices: Sequence[float]) -> list[float]:
     """Correct p-values for the number of tests, and for the choice of the best tracker in the same data.
 
-    A tracker is called worse than the best only where that holds whichever other tracker is the best. Chance may have
-    made any of the others the best, so the one-sided p-value is multiplied by their number. Holm's correction over all
-    trackers follows. In 95 % of the cases no tracker that is as good as the best is called worse.
+    A tracker is called worse than the best only where the verdict holds whichever other tracker is the best. Chance may
+    have made any of the other trackers the best, so the one-sided p-value is multiplied by their number. Holm's
+    correction over all trackers follows. In 95 % of the cases no tracker that is as good as the best is called worse.
     Source: Hsu (1984), "Constrained simultaneous confidence intervals for multiple comparisons with the best", Annals
     of Statistics 12, with Bonferroni's bound in place of equal variances.
 
     Args:
         p_values: two-sided p-values.
-        choices: factor of each p-value for the choice of the best tracker; 0 leaves the p-value as it is. The factor is
-            the number of other trackers if another metric chose the best one, and half of it if this metric did.
+        choices: factor of each p-value for the choice of the best tracker; 0 leaves the p-value unchanged. The factor
+            is the number of other trackers if another metric chose the best tracker, and half of that number if the
+            tested metric did.
     """
     selected = [min(1.0, number * p) if number else p for p, number in zip(p_values, choices, strict=True)]
     # The hypothesis that the best is as good as the best counts too.
@@ -95,7 +96,7 @@ def tracker_differences(
         metrics: all metrics of the scenario.
         margin: largest differences that do not matter.
         values: by tracker name, all metric values by path.
-        family: which pairs are compared, and which of them get a verdict.
+        family: rule for the pairs to compare, and for the differences that get a verdict.
     """
     paths = list(dict.fromkeys(path for intervals in trackers.values() for path in intervals))
     compared = [
@@ -160,7 +161,7 @@ def _difference(
 
 
 def difference_without_charged(a: MetricValue | None, b: MetricValue | None) -> float | None:
-    """Return ``a - b`` over given estimates alone; None where at most a tenth of either error is for missing ones."""
+    """Return ``a - b`` over given estimates alone; None unless over a tenth of an error is charged for missing ones."""
     values = [item for item in (a, b) if item is not None and item.value is not None]
     if len(values) < 2 or max(item.charged_share or 0.0 for item in values) <= MOST_CHARGED:
         return None
@@ -174,9 +175,9 @@ def verdict_on_first(
     """Return the verdict on the first of two trackers; neither is better if missing estimates decide the sign.
 
     Args:
-        difference: the first minus the second.
+        difference: value of the first tracker minus value of the second.
         p_value: corrected p-value of the difference.
-        better: which values of the metric are better.
+        better: whether smaller or larger values of the metric are better; None where neither is.
         without_charged: difference over the estimates that were given; None where little is charged.
     """
     verdict = contrast_verdict(difference, p_value, better)
@@ -185,7 +186,7 @@ def verdict_on_first(
 
 
 def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:
-    """Return the largest difference of two trackers' values that does not matter; it may depend on the better value."""
+    """Return the largest difference of two values that does not matter, from ``margin`` and the better value."""
     best = max if better == "larger" else min
     return margin.at(best(a.value, b.value, key=abs), unit)
 
@@ -193,12 +194,12 @@ def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None
 def contrast_verdict(difference: Contrast, p_value: float, better: Direction | None) -> str:
     """Return the verdict on the first of two trackers: better, worse, larger, smaller, equivalent or undecided.
 
-    More runs turn ``undecided`` into another verdict, as the interval comes to lie outside the margin, or inside.
+    More runs turn ``undecided`` into another verdict, once the interval lies outside the margin, or inside.
 
     Args:
         difference: ``first - second``.
         p_value: corrected p-value of the difference.
-        better: which values of the metric are better.
+        better: whether smaller or larger values of the metric are better; None where neither is.
     """
     if p_value >= LEVEL:
         return EQUIVALENT if difference.equivalent else UNDECIDED
@@ -208,5 +209,5 @@ def contrast_verdict(difference: Contrast, p_value: float, better: Direction | N
 
 
 def size(difference: float) -> str:
-    """Return the sign of a difference as ``larger`` or ``smaller``: the verdict where neither tracker is better."""
+    """Return the sign of a difference as ``larger`` or ``smaller``: the verdict where neither direction is better."""
     return "larger" if difference > 0 else "smaller"

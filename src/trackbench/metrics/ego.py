@@ -1,4 +1,4 @@
-"""The observer as a vehicle, and the sizes of the objects around it."""
+"""The ego vehicle that carries the sensors, and the sizes of the objects around it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Ego(Observer):
 
     @classmethod
     def of(cls, observer: Observer, steps: Indices | slice) -> Ego:
-        """Return the vehicle at some steps of the truth; one that is recorded as a point gets the size 5 m by 2 m."""
+        """Return the ego vehicle at some steps of the truth; a vehicle without a recorded size gets 5 m by 2 m."""
         motion = {name: getattr(observer, name)[steps] for name in _MOTION}
         return cls(**motion, length=observer.length or EGO_SIZE[0], width=observer.width or EGO_SIZE[1])
 

@@ -95,7 +95,7 @@ def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Arra
 
 
 def _nees_of_directions(error: Array, truth: Array, covariance: Array) -> list[Array]:
-    """Return the NEES along and across the true velocity, of position, then velocity; a standing object points at x."""
+    """Return the NEES along and across the true velocity, of position, then velocity; along x at a standstill."""
     speed = np.sqrt(truth[2] * truth[2] + truth[3] * truth[3])
     moves = speed > 0
     over = 1.0 / np.where(moves, speed, 1.0)

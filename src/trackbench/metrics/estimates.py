@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class EstimateSums:
-    """Accumulator whose sums all built-in metrics of estimates share."""
+    """Accumulator of squared errors, NEES and NIS, whose sums all built-in metrics of estimates share."""
 
     name = "built-in"
 
@@ -87,7 +87,7 @@ class _BlockSums:
         return self._class, len(self._codes)
 
     def add_sequence(self, scores: ScoreSequence, squares: SquaredErrors, repaired: Array) -> None:
-        """Add instants that were scored by kernels.
+        """Add the sums over instants that compiled kernels have scored.
 
         Args:
             scores: sums over these instants.

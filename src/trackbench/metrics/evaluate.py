@@ -32,7 +32,7 @@ class Evaluation:
     sums: MetricSums
     """Sums over the tracker's estimates or tracks in all runs, by name of the accumulator."""
     values: dict[str, MetricValue] = field(default_factory=dict)
-    """Metric values by dotted path."""
+    """Metric values with interval, unit and verdict, by dotted path."""
     intervals: dict[str, Interval] = field(default_factory=dict)
     """Intervals of the metrics that are means, by dotted path."""
     run_columns: dict[str, Array] = field(default_factory=dict)
@@ -64,7 +64,7 @@ def evaluate(
         metrics: metrics to compute.
         noise: noise of the truth, if it is recorded.
         in_time: whether the scenes are successive stretches of time.
-        few_scenes_decide: whether rare scenes, one in a hundred, may decide which of two trackers is better.
+        few_scenes_decide: whether rare scenes, one in a hundred, can decide which of two trackers is better.
     """
     evaluation = Evaluation(dict(sums))
     sensors: list[str] = []
@@ -108,7 +108,7 @@ def widen_for_reference(error: MetricValue, variance: float) -> MetricValue:
     """Widen the interval of an RMSE for errors of the reference, which have the mean square ``variance``.
 
     Reference errors are independent of the tracker's: ``variance`` is added to the square of the upper end and
-    subtracted from the square of the lower end. All trackers share them, so no difference is widened.
+    subtracted from the square of the lower end. All trackers share the reference errors, so no difference is widened.
     """
     if error.ci95 is None:
         return error
@@ -120,9 +120,9 @@ def widen_for_reference(error: MetricValue, variance: float) -> MetricValue:
 def independent_scores(merged: BlockScores, scene: Indices) -> BlockScores:
     """Return the sums within independent parts: scenes, runs of one scene, or stretches of a single run.
 
-    Runs of one scene share its traffic, so several scenes are the independent parts. A single run, and each of few
-    logs, is cut into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the analysis of simulation
-    output").
+    Runs of one scene share its traffic, so the scenes are the independent parts where there are several. A single run,
+    and each of few logs, is cut into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the
+    analysis of simulation output").
 
     Args:
         merged: sums over all runs.
@@ -141,7 +141,7 @@ def independent_scores(merged: BlockScores, scene: Indices) -> BlockScores:
 
 
 def no_metrics(reason: str, metrics: Iterable[Metric] = BUILT_IN) -> dict[str, MetricValue]:
-    """Return every metric without a value, for the given reason; for a tracker that could not be scored."""
+    """Return, by path, a missing value of every metric with ``reason``, for a tracker that could not be scored."""
     return {metric.name: metric.no_value(reason) for metric in metrics if not metric.per_sensor}
 
 
@@ -165,7 +165,7 @@ def merge_sums(blocks: Sequence[MetricSums], metrics: Sequence[Metric] = BUILT_I
 
 
 def is_built_in(plugin: Accumulator | Metric) -> bool:
-    """Return whether a metric or an accumulator belongs to the bench."""
+    """Return whether a metric, or an accumulator that sums for metrics, is built in and not of a plug-in."""
     return type(plugin).__module__.startswith("trackbench.")
 
 

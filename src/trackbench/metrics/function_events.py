@@ -1,4 +1,4 @@
-"""Events of a result: of driver assistance functions, the worst first, and of tracks, the costliest first."""
+"""Events of a result: faults of driver assistance functions, worst first, and of tracks, costliest first."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FunctionEvent(NamedTuple):
     tracker: str
     function: str
     object: str
-    """Name of the object that the function acts on; empty for a track on no object."""
+    """Name of the object that the function acts on; empty if it acts on a track on no object."""
     outcome: str
     """``answered``: active when it should be; ``missed``: never active; ``false``: active without a reason."""
     run: int
@@ -42,7 +42,7 @@ class FunctionEvent(NamedTuple):
 
     @property
     def wrong_s(self) -> float:
-        """Time for which the function was active on tracks but not on the truth, or the reverse, s."""
+        """Time, s, for which the function was active on tracks but not on the ground truth, or the reverse."""
         return self.until_s - self.time_s if self.delay_s is None else abs(self.delay_s)
 
 
@@ -62,14 +62,14 @@ def function_events(
     run: int | None = None,
     vehicle: str | None = None,
 ) -> list[FunctionEvent]:
-    """Return a function's faulty events by fault: missed, late, false, early; the longest of each fault first.
+    """Return a driver assistance function's faults: missed, then late, false and early; the longest of each first.
 
     Args:
         result: result of a run.
-        function: name of the function in the scenario.
-        tracker: the only tracker to look at; None for all.
-        run: the only run to look at; None for all.
-        vehicle: the only object to look at; None for all.
+        function: name of the driver assistance function in the scenario.
+        tracker: name of the only tracker to look at; None for all.
+        run: number of the only run to look at; None for all.
+        vehicle: name of the only object to look at; None for all.
 
     Raises:
         InputError: the scenario has no such function.
@@ -122,7 +122,7 @@ class TrackEvent(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """Reason of the event without its time, equal for all events of one cause."""
+        """Reason of the event without the time in its text, so that events of one cause have equal texts."""
         return _TIME.sub("", self.why)
 
     @property
@@ -140,9 +140,9 @@ def events_of(
 
     Args:
         result: result with hidden identities.
-        tracker: the only tracker to look at; None for all.
-        run: the only run to look at; None for all.
-        vehicle: an object of every event; None for all.
+        tracker: name of the only tracker to look at; None for all.
+        run: number of the only run to look at; None for all.
+        vehicle: name of an object that takes part in each returned event; None for events of all objects.
     """
     rows = _rows(result.tables.events, tracker=tracker, run=run)
     events = [TrackEvent(**{name: row[name] for name in TrackEvent._fields}) for row in rows]
@@ -156,7 +156,7 @@ def events_of(
 
 
 def drawn_instants(tables: Tables) -> Array:
-    """Return the instants of the recorded run, ``(instants,)`` s; without objects, of its tracks and measurements."""
+    """Return the times of the recorded run, ``(instants,)`` s; without a truth, of its tracks and measurements."""
     sources = [tables.due] if tables.due.num_rows else [tables.tracks, tables.measurements]
     return np.unique(
         np.concatenate([table["time_s"].to_numpy() for table in sources if table.num_rows] or [np.empty(0)])

@@ -35,7 +35,8 @@ def _innovation_sums(values: Values) -> Values:
 def _counted(white: Array, used: Any) -> tuple[Array, Any, Array]:
     """Return the innovations with zeros where they are not scored, the mask of scored ones, and their NIS.
 
-    An innovation is scored if it is used and its NIS can be summed. A sequence of calls leaves anything in unused ones.
+    An innovation is scored if it is used and its NIS can be summed. A sequence of kernel calls leaves arbitrary values
+    in unused innovations.
     """
     white = np.where(used, white, 0.0)
     nis = np.einsum("m...,m...->...", white, white)
@@ -61,7 +62,7 @@ INNOVATION_SUMS = Equations(
 
 
 class Innovations:
-    """Running sums over the whitened innovations of one sensor; ``scores`` returns them at the end.
+    """Running sums over the whitened innovations of one sensor; ``scores`` returns the sums at the end.
 
     New measurements wait in rows; row 0 holds the latest measurement that is summed.
     """
@@ -104,12 +105,12 @@ class Innovations:
         return self._dof > 0
 
     def latest(self) -> tuple[Array, Mask]:
-        """Return the whitened innovations ``(m, batch)`` of the latest measurement, and which of them are scored."""
+        """Return the whitened innovations ``(m, batch)`` of the latest measurement, and a mask of the scored ones."""
         self.flush()
         return self._white[0], self._used[0]
 
     def take_sums(self, per_step: Array, per_run: Array, white: Array, used: Mask) -> None:
-        """Add sums over the next measurements; ``white`` and ``used`` are the innovations of the last of them."""
+        """Add sums over the next measurements; ``white``, ``used``: whitened innovations of the last; scored."""
         count = per_step.shape[1]
         self._per_step[:, self._measurement : self._measurement + count] = per_step
         self._per_run += per_run

@@ -25,7 +25,7 @@ TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the re
 
 
 class Stretch(NamedTuple):
-    """Factors on the half widths of Student's interval, for few scenes or skewed runs."""
+    """Factors on the half widths of Student's 95 % interval, for few scenes or for runs with skewed values."""
 
     toward: float = 1.0
     """Factor on the side of the value's limit: below an error, whose limit is 0."""
@@ -41,7 +41,7 @@ class Parts(NamedTuple):
     number: int
     scenes: bool
     fewest: float = 2
-    """Least number of runs with which the interval of one tracker is calibrated."""
+    """Least number of runs with which the interval of one tracker's value has its stated coverage."""
 
     @property
     def too_few(self) -> str:
@@ -52,9 +52,9 @@ class Parts(NamedTuple):
 
     @property
     def uncalibrated(self) -> str:
-        """Why runs or scenes are too few for the interval of one tracker's value; empty where they are enough.
+        """Reason why runs or scenes are too few for the interval of one tracker's value; empty where they are enough.
 
-        The interval of a difference needs fewer.
+        The interval of a difference of two trackers needs fewer runs or scenes.
         """
         if self.too_few or self.scenes or self.number >= self.fewest:
             return self.too_few
@@ -66,11 +66,11 @@ class Parts(NamedTuple):
     def stretch(self) -> Stretch:
         """Factors by which the half widths of Student's interval are stretched for so few runs or scenes.
 
-        A few scenes are much harder than the others. A sample without them has too small a mean and too small a spread
-        at once, so that nothing in it warns. The effect of skewness falls with the root of the number of scenes, and
-        with the number itself (Hall 1992, "The Bootstrap and Edgeworth Expansion", section 2.3). The terms are fitted
-        to scenes of highway, merge and intersection, for six trackers, and measured on other scenes:
-        ``benchmarks/calibration/scenes.py``.
+        A few scenes are much harder than the other scenes. A sample without the hard scenes has too small a mean and
+        too small a spread at once, so that nothing in the sample warns. The effect of skewness falls with the root of
+        the number of scenes, and with the number itself (Hall 1992, "The Bootstrap and Edgeworth Expansion", section
+        2.3). The terms are fitted to scenes of highway, merge and intersection, for six trackers, and measured on other
+        scenes: ``benchmarks/calibration/scenes.py``.
         """
         if not self.scenes:
             return Stretch()
@@ -91,31 +91,35 @@ class Interval(NamedTuple):
     weight: Array | None = None
     """``(runs,)`` relative weight of each run in the value; None for equal weights."""
     scenes: bool = False
-    """Whether each influence is that of a scene, and not of a run."""
+    """Whether ``influence`` has one element for each scene; else one for each run or stretch of time."""
     skewed: bool = False
     """Whether few runs decide the value, so that its interval is stretched by their skewness."""
     fewest: float = 2
-    """Least number of runs with which the interval of one tracker is calibrated."""
+    """Least number of runs with which the interval of one tracker's value has its stated coverage."""
     in_time: bool = False
-    """Whether the influences are those of successive stretches of time, so that neighbours may be correlated."""
+    """Whether ``influence`` has one element for each of successive stretches of time, so that neighbouring elements can
+    be correlated."""
     few_decide: bool = False
-    """Whether rare scenes, one in a hundred, may decide which of two trackers has the larger value."""
+    """Whether rare scenes, one in a hundred, can decide which of two trackers has the larger value."""
     of_stretches: bool = False
-    """Whether the influences are those of stretches of single runs; two such values are compared stretch by stretch."""
+    """Whether ``influence`` has one element for each stretch of a single run; two such values are compared stretch by
+    stretch."""
     counted: Counted | None = None
-    """Kind of a counted value, share or rate, whose interval has the limits of counts; None for other values."""
+    """``share`` or ``rate`` for a value from counted events, whose interval has the limits of counts; None for other
+    values."""
     repeats: float = 1.0
     """Mean number of runs that each influence stands for: above 1 where scenes have several runs."""
     sparse: bool = False
-    """Whether runs or scenes of weight 0 tell nothing of the value, so that the interval rests on the others alone."""
+    """Whether runs or scenes of weight 0 tell nothing of the value, so that the interval rests on runs or scenes with a
+    weight above 0 alone."""
     details: tuple[tuple[str, float], ...] = ()
-    """Further fields of the metric in a result, each with name and number."""
+    """Further numbers for the metric's fields in a result, as pairs of name and number."""
     power: float = 1.0
     """Exponent that makes the value from a mean: one half for a root mean square."""
 
     @property
     def corrected(self) -> Array:
-        """Influence of each run or scene, enlarged for those with a large weight, as in the jackknife.
+        """Influence of each run or scene, enlarged where the run or scene has a large weight, as in the jackknife.
 
         Source: Bell and McCaffrey (2002), "Bias reduction in standard errors for linear regression with multi-stage
         samples".
@@ -128,7 +132,7 @@ class Interval(NamedTuple):
 
     @property
     def constant(self) -> bool:
-        """Whether all runs, or scenes, contribute the same, so that their variation is unknown."""
+        """Whether all runs, or scenes, have the same influence, so that the variation between them is unknown."""
         return bool(np.abs(self.influence).max(initial=0.0) <= ROUNDING * abs(self.value))
 
     def only(self, there: Mask) -> Interval:
@@ -138,24 +142,24 @@ class Interval(NamedTuple):
 
     @property
     def telling(self) -> Mask:
-        """Mask ``(parts,)`` of the parts with a weight above 0; others, as a scene without an event, tell nothing."""
+        """Mask ``(parts,)`` of the runs or scenes with a weight above 0; a scene without an event has weight 0."""
         return np.ones(len(self.influence), dtype=bool) if self.weight is None else self.weight > 0
 
     @property
     def is_ratio_of_stretches(self) -> bool:
-        """Whether the value is positive and over stretches of a run, so that two are compared by their ratio."""
+        """Whether the value is positive and over stretches of a run, so that two trackers are compared by ratio."""
         return self.of_stretches and self.at_least == 0.0 < self.value and self.at_most == np.inf
 
     @property
     def parts(self) -> Parts:
-        """Number and kind of the independent parts: runs, or scenes."""
+        """Number and kind of the independent parts of the data: runs, or scenes."""
         return Parts(len(self.influence), self.scenes, self.fewest)
 
     @property
     def stretch(self) -> Stretch:
         """Factors by which the half widths of Student's interval are stretched, for few scenes or for skewed runs.
 
-        A value may have a limit, such as 0 for an error. Away from the limit, half the skewness of the influence over
+        Some values have a limit, such as 0 for an error. Away from the limit, half the skewness of the influence over
         the root of the number of runs is added: Johnson (1978), "Modified t tests and confidence intervals for
         asymmetrical populations". Towards the limit the interval on the logarithmic scale reaches far enough.
         """
@@ -173,7 +177,7 @@ class Interval(NamedTuple):
 
     @property
     def ci95(self) -> tuple[float, float] | None:
-        """95 % interval by Student's t; None with too few runs or scenes, or where all of them are the same.
+        """95 % interval by Student's t; None with too few runs or scenes, or where all have the same influence.
 
         A value with a limit is transformed by the delta method: to the logarithm of the distance from a single limit,
         to the log-odds between two. Such values are skewed away from the limit, and Student's interval of the value
@@ -204,7 +208,7 @@ class Interval(NamedTuple):
         return self.value - reach, self.value + reach
 
     def as_value(self, unit: str) -> MetricValue:
-        """Return the value and the interval as a result holds them."""
+        """Return the value, its interval and its unit as the ``MetricValue`` that a result holds."""
         if self.sparse:
             return self.only(self.telling)._replace(sparse=False).as_value(unit)
         ci95 = self.ci95
@@ -238,7 +242,7 @@ def root(mean_square: Interval) -> Interval:
 
 
 def positive_ends(value: float, reach: float, stretch: Stretch) -> tuple[float, float]:
-    """Return the ends of a positive value's interval on a logarithmic scale; ``reach``: half of the symmetric one."""
+    """Return the ends of a positive value's interval on a logarithmic scale; ``reach``: symmetric half width."""
     reach = reach / value if value > 0 else 0.0
     return value * float(np.exp(-stretch.toward * reach)), value * float(np.exp(stretch.away * reach))
 
@@ -246,7 +250,8 @@ def positive_ends(value: float, reach: float, stretch: Stretch) -> tuple[float, 
 def reach_of_ratio(total: float, count: float, square: float, product: float, count_square: float, runs: int) -> float:
     """Return half of the symmetric 95 % interval of a ratio of sums over runs; NaN below two runs.
 
-    The arguments are sums over runs: of totals, of numbers of terms (``count``), of their squares and product.
+    The arguments but ``runs`` are sums over runs: of the totals, of the numbers of terms (``count``), of the squared
+    totals (``square``), of the products of total and number (``product``), and of the squared numbers.
     """
     if runs < 2:
         return float("nan")
@@ -256,7 +261,7 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: bool = False) -> Interval:
-    """Return the interval over scenes from that over runs: runs of one scene share traffic and are dependent.
+    """Return the interval over scenes from the interval over runs; runs of one scene share traffic and are dependent.
 
     The standard error is cluster-robust (Liang and Zeger 1986, "Longitudinal data analysis using generalized linear
     models"). If all runs are of one scene, the interval over runs is returned, which holds for this scene alone.

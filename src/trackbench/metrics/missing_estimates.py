@@ -1,7 +1,7 @@
-"""States charged for missing estimates: anyone could have given the latest measured position and no velocity.
+"""States charged for missing estimates: the latest measured position without velocity, or the last estimate.
 
-A tracker that gave an estimate before could also have kept that. The worse of the two is charged, so that leaving out a
-bad estimate never pays.
+Any tracker could have given the measured position, and a tracker with an earlier estimate could have kept it. The worse
+of the two states is charged, so that leaving out a bad estimate never pays.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def measured_positions(
     sensors: Collection[str] | None,
     each_measurement: bool = False,
 ) -> Iterator[Array]:
-    """Yield the latest measured position of each object at each instant, ``(2, batch)`` m; NaN before the first.
+    """Yield each object's latest measured position at each instant, ``(2, batch)`` m; NaN before its first measurement.
 
     The sensors that the tracker uses count; before their first measurement of an object, any sensor. Of measurements at
     one instant the later in the order of scans counts.
@@ -56,15 +56,15 @@ def _held(
 
 
 class ChargedEstimates:
-    """Estimates of a tracker with charged states in place of missing ones, for some instants at a time, in order."""
+    """Replacement of a tracker's missing estimates by charged states, for some instants at a time, in order."""
 
     def __init__(self, state: Array, expected: Mask, measured: Callable[[slice], Array] | None) -> None:
         """Prepare for the first instant.
 
         Args:
             state: ``(4, instants, objects, runs or 1)`` the truth.
-            expected: ``(instants, objects, runs)`` where the object is in view; one that comes back later counts as a
-                new one.
+            expected: ``(instants, objects, runs)`` where the object is in view; an object that comes back into view
+                counts as a new object.
             measured: returns the :func:`measured_positions` at some instants, ``(2, instants, objects * runs)`` m;
                 needed where an estimate is missing.
         """
@@ -96,7 +96,7 @@ class ChargedEstimates:
 
 
 def held_estimates(latest: Array, mean: Array, given: Mask, expected: Mask) -> Array:
-    """Return the latest given estimate of each object at each instant, ``(4, instants, batch)``; NaN before the first.
+    """Return each object's latest given estimate at each instant, ``(4, instants, batch)``; NaN if none was given yet.
 
     Args:
         latest: ``(4, batch)`` latest estimates before these instants.

@@ -38,12 +38,12 @@ class Target(NamedTuple):
     """``(instants, objects)`` where the object exists."""
     due: Mask
     """``(instants, objects, runs)`` where a tracker should have an estimate, and is scored: the object is there, was
-    detected, its track had time to settle, and a sensor has it in view or had it not long ago."""
+    detected, its track had time to settle, and a sensor has the object in view or had it in view not long ago."""
     starting: Mask
-    """``(instants, objects, runs)`` first second after an object's first detection, also the first one since a long
-    loss of view."""
+    """``(instants, objects, runs)`` where an object is in the first second after its first detection, or after its
+    first detection since a long loss of view."""
     divergence: float
-    """Position error above which a run has diverged, m."""
+    """Limit on the position error, m: a run has diverged if an error exceeds the limit."""
     reference: Array
     """``(2, instants, objects, runs or 1)`` Cramér-Rao bound of the squared error of position, m^2, and of velocity,
     (m/s)^2, for objects with white acceleration. For objects that move otherwise it is a reference, no bound."""
@@ -60,11 +60,11 @@ class Scope:
     tracker: str
     """Name of the tracker that is scored."""
     runs: int
-    """Number of runs, or of stretches of a run that are scored separately."""
+    """Number of runs in the block, or of stretches of time of a run that are scored separately."""
     bodies: EgoScene | None = None
     """Motion of the vehicle that carries the sensors, and sizes of the objects."""
     options: TrafficScoreOptions | None = None
-    """Criteria by which a track is scored; None with known identities."""
+    """Criteria by which a track is scored, such as the cutoff distance; None with known identities."""
     target: Target | None = None
     """Ground truth that estimates are compared with; None with hidden identities."""
     classes: Classes | None = None
@@ -75,17 +75,17 @@ class Scope:
     single: bool = False
     """Whether the block is a single run whose stretches of time stand for independent runs."""
     compute: Compute = by_numpy
-    """Function that computes equations, by NumPy or by kernels."""
+    """Function that evaluates the equations of metrics, with NumPy or with compiled kernels."""
 
     @property
     def labelled(self) -> Target:
-        """Target of a scope with known identities."""
+        """Ground truth that estimates are compared with, as ``target``, which is never None with known identities."""
         assert self.target is not None
         return self.target
 
 
 class Innovation(NamedTuple):
-    """Whitened innovations of a tracker at one scan, and which of them count."""
+    """Whitened innovations of a tracker at one scan, with masks of scored and of expected innovations."""
 
     instant: int
     whitened: Array | None
@@ -104,8 +104,8 @@ class Innovation(NamedTuple):
 class Chunk:
     """Estimates of one tracker at some successive instants.
 
-    The batch has a member for each object and run; the runs of an object are neighbours. The arrays belong to the
-    scorer: they must not be changed, and hold other values after ``update``.
+    The batch has a member for each pair of object and run; the runs of one object are neighbours. The arrays belong to
+    the scorer: they must not be changed, and hold other values after ``update``.
     """
 
     instants: slice
@@ -121,27 +121,28 @@ class Chunk:
     """``(15, instants, batch)`` terms that the built-in metrics sum: squared errors, NEES and the other rows of
     ``ERROR_FIELDS``; 0 where not scored."""
     scored: Mask
-    """``(instants, batch)`` where an estimate is due and scored; elsewhere the other arrays may hold anything."""
+    """``(instants, batch)`` where an estimate is due and scored; elsewhere the other arrays can hold arbitrary
+    values."""
     given: Mask
     """``(instants, batch)`` where the tracker gave an estimate; a score of covariances counts only there."""
     innovations: Mapping[str, Sequence[Innovation]]
-    """Innovations by sensor, in order of time."""
+    """Whitened innovations at each scan, by name of the sensor, in order of time."""
     repaired: Array
     """``(runs,)`` number of covariances that were repaired in each run."""
     seconds: float
     """Computing time of the tracker for these estimates, s."""
     steps: int
-    """Number of steps of single objects in this time."""
+    """Number of steps, of one object in one run each, that the computing time was spent on."""
 
     @cached_property
     def error(self) -> Array:
-        """``(4, instants, batch)`` estimate minus truth."""
+        """``(4, instants, batch)`` error of each estimate: estimate minus truth in px, py, vx, vy."""
         error = self.mean.reshape(*self.mean.shape[:2], -1, self.runs) - self.truth
         return error.reshape(self.mean.shape)
 
     @property
     def nees(self) -> Array:
-        """``(instants, batch)`` NEES of each estimate."""
+        """``(instants, batch)`` NEES of each estimate; 0 where not scored."""
         nees: Array = self.values[ERROR["nees"]]
         return nees
 
@@ -150,7 +151,7 @@ class Chunk:
         return len(self.repaired)
 
     def by_run(self, values: Array | float) -> Array:
-        """Sum values ``(instants, batch)`` over each run's scored estimates, ``(runs,)``; the value 1 counts them."""
+        """Sum values ``(instants, batch)`` over each run's scored estimates, ``(runs,)``; 1 counts estimates."""
         total = np.where(self.scored, values, 0.0).sum(axis=0)
         return np.asarray(total.reshape(-1, self.runs).sum(axis=0))
 
@@ -174,7 +175,7 @@ class SquaredErrors(NamedTuple):
 
 
 class Fault(Exception):
-    """Error for an estimate that cannot be scored: cause, instant, and member of the batch."""
+    """Error for an estimate that cannot be scored: cause, instant, and index in the batch of objects and runs."""
 
     def __init__(self, cause: str, instant: int, member: int | None) -> None:
         super().__init__(cause)
@@ -184,7 +185,7 @@ class Fault(Exception):
 
 
 def raise_fault(cause: str, wrong: Mask, first: int) -> None:
-    """Raise a Fault at the first wrong estimate ``(instants, batch)``; ``first`` is the index of the first instant."""
+    """Raise a Fault at the first True of ``wrong`` ``(instants, batch)``, whose first row is the instant ``first``."""
     if np.any(wrong):
         step, member = np.argwhere(wrong)[0]
         raise Fault(cause, first + int(step), int(member))
@@ -212,14 +213,14 @@ SENSOR = "<sensor>"
 
 
 class Field(NamedTuple):
-    """Value of a metric, or part of the value such as a verdict, that an expectation may name."""
+    """Value of a metric, or part of the value such as a verdict, that an expectation in a scenario can name."""
 
     name: str
-    """Dotted path, with ``<sensor>`` for a sensor's name; for an entry of ``Metric.fields``, the last component of the
+    """Dotted path, with ``<sensor>`` for a sensor's name; for an item of ``Metric.fields``, the last component of the
     path."""
     meaning: str
     words: tuple[str, ...] = ()
-    """Possible values of a verdict; empty for a number."""
+    """Words that a verdict can be, such as ``consistent``; empty for a number."""
     unit: str = "1"
     """Unit: "1" for a number without one, "" for a word."""
     better: Direction | None = None
@@ -241,18 +242,18 @@ class Metric(Config):
     """One metric of a tracker, built in or not. The pydantic fields of a subclass are its options in a scenario.
 
     A metric has its own ``init``, ``update`` and ``merge``, with sums of any type that can be pickled, or it names in
-    ``shared`` an accumulator that other metrics use too. It always has ``finish``.
+    ``shared`` an accumulator whose sums other metrics use as well. It always has ``finish``.
 
     ``init`` gets a :class:`Scope`. ``update`` gets the chunks of a block one by one with known identities, and each
     :class:`~trackbench.metrics.traffic.TrackedRun` with hidden ones.
     """
 
     name: ClassVar[str]
-    """Dotted path in a tracker's metrics."""
+    """Name of the metric: its dotted path in a tracker's metrics."""
     unit: ClassVar[str]
     """Unit of the value; "1" for a number without one."""
     meaning: ClassVar[str]
-    """Meaning in one line."""
+    """Explanation of the metric in one line."""
     needs: ClassVar[Set[str]] = frozenset({"labels", "truth"})
     """Properties that a scenario must have: known ("labels") or hidden ("tracks") identities, "truth" or "no truth"."""
     better: ClassVar[Direction | None] = None
@@ -264,26 +265,29 @@ class Metric(Config):
     per_sensor: ClassVar[bool] = False
     """Whether the metric has one value for each sensor."""
     fields: ClassVar[tuple[Field, ...]] = ()
-    """Parts of the value, such as its verdict, that the scenario's ``expect:`` block may name."""
+    """Parts of the value, such as its verdict, that the scenario's ``expect:`` block can name."""
     value_name: ClassVar[str] = ""
     """Name of the value in an expectation; empty where the metric's path is enough."""
     shared: ClassVar[Accumulator | None] = None
     """Accumulator whose sums several metrics share; None where the metric has sums of its own."""
     of_squares: ClassVar[bool] = False
-    """Whether ``update`` reads no more of a chunk than :class:`SquaredErrors` have."""
+    """Whether ``update`` reads no more of a chunk than the fields of :class:`SquaredErrors`."""
     of_density: ClassVar[bool] = False
     """Whether ``update`` reads the log densities of innovations."""
     at_least: ClassVar[float] = -np.inf
-    """Smallest possible mean over runs."""
+    """Smallest possible value of the metric's mean over runs."""
     at_most: ClassVar[float] = np.inf
-    """Largest possible mean over runs."""
+    """Largest possible value of the metric's mean over runs."""
 
     @property
     def accumulator(self) -> Accumulator:
         return self.shared or self
 
     def reference_axes(self, path: str, sums: Any) -> float:
-        """Return how many axes of the reference's squared error are contained in the metric's squared value."""
+        """Return the number of axes whose squared reference errors add to the metric's squared value.
+
+        An RMSE of x and y has 2; the result is 0 for a metric that is not widened for errors of the truth.
+        """
         return AXES.get(path, 0.0)
 
     def init(self, scope: Any) -> Any:
@@ -291,20 +295,20 @@ class Metric(Config):
         raise NotImplementedError
 
     def update(self, sums: Any, chunk: Any) -> Any:
-        """Return the sums with one more chunk of estimates, or run of tracks; they may be changed in place."""
+        """Return the sums with a chunk of estimates, or run of tracks, added; ``sums`` can be changed in place."""
         raise NotImplementedError
 
     def close(self, sums: Any) -> Any:
-        """Return what is kept of the sums of a block after its last chunk."""
+        """Return the sums of a block of runs, reduced to what ``merge`` needs; called after the last chunk."""
         return sums
 
     def merge(self, blocks: Sequence[Any]) -> Any:
-        """Merge the sums of consecutive blocks of runs."""
+        """Return the sums over all runs from the closed sums of consecutive blocks of runs."""
         raise NotImplementedError
 
     @abstractmethod
     def finish(self, sums: Any) -> Outcome | Mapping[str, Outcome]:
-        """Return the value from the merged sums of all runs; a mapping by sensor if ``per_sensor``.
+        """Return the metric's value from the merged sums of all runs; by sensor if ``per_sensor``.
 
         A mean over runs is an :class:`~trackbench.metrics.Interval`: its confidence interval, and the differences
         between trackers, follow from the influence of each run.
@@ -313,12 +317,13 @@ class Metric(Config):
     def without_charged(self, sums: Any) -> tuple[float, float] | None:
         """Return the share of the squared error charged for missing estimates, and the value without this charge.
 
-        None where no estimate is missing or none was given, and for a metric without such a charge.
+        The result is None where no estimate is missing or no estimate was given, and for a metric without such a
+        charge.
         """
         return None
 
     def no_value(self, reason: str) -> MetricValue:
-        """Return the metric's entry in a result without a value, with the reason."""
+        """Return a metric value for the result whose value is missing, with the reason."""
         return MetricValue(unit=self.unit, reason=reason)
 
     @property
@@ -329,14 +334,14 @@ class Metric(Config):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the table of runs from which the metric follows: value, number of terms, and others.
+        """Names of the columns of the table of runs that give the metric: value in each run, number of terms.
 
         Empty where the metric does not follow from runs.
         """
         return () if self.shared is not None or self.per_sensor else (run_column(self.name),)
 
     def in_runs(self, path: str, sums: Any, interval: Interval | None, runs: int) -> dict[str, Array]:
-        """Return the metric's columns ``(runs,)`` of the table of runs, if no other metric shares its sums.
+        """Return the metric's columns ``(runs,)`` of the table of runs, by name; empty if other metrics share its sums.
 
         Args:
             path: path of the value; with one value per sensor, path of the value for a sensor.
@@ -347,14 +352,14 @@ class Metric(Config):
         return {run_column(path): np.full(runs, np.nan) if interval is None else interval.value + interval.influence}
 
     def of_runs(self, *columns: Array) -> Interval | None:
-        """Compute the metric over some runs from its ``columns`` ``(runs,)``; None if nothing can be compared."""
+        """Compute the metric over some runs from their ``columns``, ``(runs,)`` each; None if no run gives a value."""
         (values,) = columns
         if not np.isfinite(values).all():
             return None
         return ratio(values, np.ones(len(values)), at_least=self.at_least, at_most=self.at_most)
 
     def entries(self) -> list[Field]:
-        """Return the metric's values, and parts of them such as a verdict, that an expectation may name."""
+        """Return the metric's values, and parts of the values such as a verdict, that an expectation can name."""
         path = f"{self.name}.{SENSOR}" if self.per_sensor else self.name
         compared = self.compared and self.better is not None
         value = Field(self.path, self.meaning, (), self.unit, self.better, compared, self.needs)

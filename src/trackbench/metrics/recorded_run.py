@@ -1,4 +1,4 @@
-"""Estimates of the recorded run, read from its tables: at a given time, and at the largest errors of each tracker."""
+"""Estimates of the recorded run (the run whose estimates are kept): at a given time, and at the largest errors."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ class EstimateMoment:
 
 
 def recorded_estimates(result: Result) -> pd.DataFrame:
-    """Return the table of estimates of the recorded run, with a column ``starting``; it may have no rows."""
+    """Return the estimates of the recorded run as a table, with a column ``starting``; the table can be empty.
+
+    ``starting`` is True where the object has been known for less than a second.
+    """
     frame = table_frame(result.tables.estimates, "due", *EstimateMoment.__dataclass_fields__)
     of_track, due = [frame["tracker"], frame["object"]], frame["due"] > 0
     begins = due & ~due.groupby(of_track).shift(fill_value=False)
@@ -55,15 +58,15 @@ def estimates_at(result: Result, time: float) -> list[EstimateMoment]:
 def worst(
     estimates: pd.DataFrame, trackers: Sequence[str], count: int, vehicle: str | None = None
 ) -> list[EstimateMoment]:
-    """Return the scored moments with the largest position errors, the largest first and one for each peak.
+    """Return the scored moments with the largest position errors, the largest first and one for each peak of the error.
 
     Moments of a starting track come after all others, since every track starts with a large error.
 
     Args:
         estimates: table of :func:`recorded_estimates`.
-        trackers: trackers to look at; at each moment the largest of their errors counts.
+        trackers: names of the trackers to look at; at each moment the largest error among these trackers counts.
         count: largest number of moments.
-        vehicle: the only object to look at; None for all.
+        vehicle: name of the only object to look at; None for all objects.
     """
     counted = estimates["tracker"].isin(trackers) & (estimates["due"] > 0)
     if vehicle is not None:

@@ -1,4 +1,4 @@
-"""The posterior Cramer-Rao bound of the errors, for targets that move with white acceleration."""
+"""The posterior Cramer-Rao bound of position and velocity errors, for targets that move with white acceleration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEAST_VELOCITY = 1.0
 
 @dataclass(frozen=True)
 class BoundStart:
-    """Knowledge of a target before the first measurement, as standard deviations."""
+    """Prior of a target before the first measurement: standard deviations of its position and velocity."""
 
     velocity_sigma: float
     """Standard deviation of the velocity, m/s per axis."""
@@ -70,7 +70,8 @@ class Information(NamedTuple):
     steps: Indices
     """``(measurements,)`` index of the truth's step at which each measurement is taken."""
     root: Array
-    """``(rank, 4, measurements, objects)`` matrix ``A`` with the information ``A^T A = E[H^T R^-1 H]``."""
+    """``(rank, 4, measurements, objects)`` matrix ``A`` of each measurement of each object, with the information ``A^T
+    A = E[H^T R^-1 H]``."""
 
 
 def information(sensor: IdealSensor, truth: Truth) -> Information:
@@ -99,17 +100,18 @@ class ConditionalBound:
     in the runs that have it. The mean over the runs is the enumeration bound (Farina, Ristic and Timmoneri 2002,
     "Cramér-Rao bound for nonlinear filtering with Pd<1 and its application to target tracking"; Hernandez, Ristic,
     Farina and Timmoneri 2004, "A comparison of two Cramér-Rao bounds for nonlinear filtering with Pd<1"), but the
-    sequences of detections are drawn, not enumerated.
+    sequences of detections are sampled at random, not enumerated.
 
     Args:
         truth: the motion of the targets.
         sensors: information of each sensor that the tracker uses, by name.
         acceleration_sigma: standard deviation of the acceleration, m/s^2 per axis.
         start: prior knowledge before the first measurement.
-        instants: ``(instants,)`` indices of the truth's steps at which the bound is computed; they include those of all
-            measurements.
-        drawn: indices of the truth's steps at which a new acceleration is drawn, constant in between; they include
-            those of all measurements. By default they are the measurements of these sensors.
+        instants: ``(instants,)`` indices of the truth's steps at which the bound is computed; they include the steps of
+            all measurements.
+        drawn: indices of the truth's steps at which the acceleration takes a new random value, constant in between;
+            they include the steps of all measurements. By default they are the steps of the measurements of
+            ``sensors``.
     """
 
     def __init__(
@@ -144,7 +146,7 @@ class ConditionalBound:
                 latest = step if reading else latest
 
     def of_runs(self, valid: Mapping[str, Mask], compute: Compute = by_numpy) -> Array:
-        """Return the Cramér-Rao bound of position and velocity in some runs.
+        """Return the Cramér-Rao bound of position and velocity in the runs that ``valid`` describes.
 
         Args:
             valid: by sensor, mask ``(measurements, objects, runs)`` of the measurements that the runs have.
@@ -152,8 +154,8 @@ class ConditionalBound:
 
         Returns:
             ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each
-            summed over both axes; one for all runs if all have the same measurements. Zero before the first
-            measurement; if tracks start from the truth, before the target enters.
+            summed over both axes; the last axis has length 1 if all runs have the same measurements. The bound is zero
+            before the first measurement, or before the target enters if tracks start from the truth.
         """
         masks = {name: valid[name] for name in self._constants}
         # For few runs NumPy is as quick.
@@ -211,7 +213,7 @@ class ConditionalBound:
 
 
 def _process_noise(acceleration_sigma: float, times: Array) -> Array:
-    """Return the process noise ``(4, 4)`` over the times; at each but the last a new random acceleration is drawn."""
+    """Return the process noise ``(4, 4)`` of white acceleration over an interval, constant between ``times``, s."""
     dt = np.diff(times)
     moved = dt * (times[-1] - times[1:] + 0.5 * dt)
     per_axis = np.array([[moved @ moved, moved @ dt], [moved @ dt, dt @ dt]])
@@ -227,7 +229,7 @@ def _predicted(values: Values) -> Array:
 
 
 def _measured(values: Values) -> Values:
-    """Predict, and update ``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without inverting ``P``."""
+    """Predict the covariance P, and update ``P <- (P^-1 + A^T A)^-1`` at a measurement, without inverting P."""
     covariance, root, seen = _predicted(values), values["root"], values["seen"]
     begun = values["begun"] | values["enters"]
     cross = linalg.matmul(root, covariance)

@@ -1,4 +1,4 @@
-"""All metrics, built in and of plug-ins, and the fields that an expectation may name."""
+"""All metrics, built in and of plug-ins, and the values and verdicts that a scenario's expectation can name."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def metrics_for(properties: Set[str]) -> tuple[Metric, ...]:
 
 
 def ranking_path(metrics: Iterable[Metric]) -> str:
-    """Return the dotted path of the one metric that ranks trackers."""
+    """Return the dotted path of the metric among ``metrics`` that ranks trackers by default."""
     return next(metric.path for metric in metrics if metric.ranks)
 
 
 def metric_paths(own: Iterable[Metric | type[Metric]] = (), properties: Set[str] = PROPERTIES) -> list[Field]:
-    """Return every field of the metrics that an expectation may name, each once.
+    """Return every value and verdict of the metrics that a scenario's expectation can name, without repetition.
 
     Args:
-        own: metrics beside the built-in ones.
+        own: metrics of plug-ins, added to the built-in metrics.
         properties: properties of the scenarios: ``labels`` or ``tracks``, ``truth`` or ``no truth``.
     """
     fields: dict[str, Field] = {}
@@ -53,7 +53,7 @@ def metric_paths(own: Iterable[Metric | type[Metric]] = (), properties: Set[str]
 
 
 def by_path(sensors: Iterable[str], own: Iterable[Metric] = (), properties: Set[str] = PROPERTIES) -> dict[str, Field]:
-    """Return every path that an expectation may name in a scenario with these sensors and properties."""
+    """Return, by dotted path, every value that an expectation can name in a scenario with these sensors."""
     names = list(sensors)
     return {
         path: field

@@ -31,12 +31,13 @@ class ScoreSequence:
         self._classes = classes[instants]
         self._per_step = np.zeros((len(ERROR_FIELDS), steps, WIDTH))
         self.by_class = np.zeros((len(ERROR_FIELDS) + len(BEYOND), count, runs))
-        """Sums of squared errors, NEES and so on by class and run, with the number of NEES beyond each point."""
+        """Sums of squared errors, NEES and the other rows of ``ERROR_FIELDS`` by class of condition and run, then the
+        number of NEES beyond each point of chi-square."""
         self._squares = np.empty((2, *self._shape))
         self._definite, self._bounded = np.empty((2, *self._shape), dtype=bool)
 
     def add(self, sequence: CallSequence, at: Indices, mean: ArrayPlace, covariance: ArrayPlace) -> bool:
-        """Add the kernel calls numbered ``at`` that score estimates; return whether a kernel exists for them."""
+        """Add calls that score estimates, at the positions ``at`` of the sequence; return False if no kernel exists."""
         instants, runs = np.arange(self.instants.start, self.instants.stop), self._shape[2]
         row_numbers, by_class = np.arange(len(instants)), self.by_class
         inputs = {
@@ -56,7 +57,7 @@ class ScoreSequence:
         return sequence.compute(SCORES, at, inputs, outputs)
 
     def due(self, instants: Indices) -> ArrayPlace:
-        """Return the addresses of the masks of due estimates at some instants, counted from the first one."""
+        """Return the addresses of the masks of due estimates at some instants, counted from the sequence's first."""
         return place(self._target.due, 0, self.instants.start + instants)
 
     @property
@@ -80,7 +81,7 @@ class InnovationSequence:
 
     Args:
         white: ``(m, batch)`` whitened innovations of the last measurement before the sequence.
-        used: ``(batch,)`` which of these innovations count.
+        used: ``(batch,)`` mask of the innovations that are scored.
         shape: numbers of objects and of runs.
         count: number of measurements.
     """
@@ -115,5 +116,5 @@ class InnovationSequence:
 
     @property
     def latest(self) -> tuple[Array, Mask]:
-        """Whitened innovations ``(m, batch)`` of the last measurement, and which of them are scored."""
+        """Whitened innovations ``(m, batch)`` of the last measurement, and the mask ``(batch,)`` of scored ones."""
         return self._white[:, self._slots[-1]].reshape(len(self._white), -1), self._used[self._slots[-1]].reshape(-1)

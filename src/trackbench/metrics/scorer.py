@@ -1,4 +1,4 @@
-"""Scorer of a tracker's estimates as they come, for several instants at a time to save NumPy calls."""
+"""Scorer of a tracker's estimates while it runs, which sums errors, NEES and NIS for several instants at a time."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ class Scorer:
         measured: Callable[[slice], Array] | None = None,
         bodies: EgoScene | None = None,
     ) -> None:
-        """Start the sums of one block.
+        """Start the sums of one block of runs at zero.
 
         Args:
             target: ground truth that the estimates are compared with.
             classes: class of each object by condition, ``(instants, objects, runs or 1)``.
-            measurements: number of instants of each sensor.
+            measurements: number of instants at which each sensor measures, by name of the sensor.
             tracker: name of the tracker.
             single: whether the block is a single run whose stretches of time stand for independent runs.
             metrics: metrics to compute.
@@ -126,7 +126,7 @@ class Scorer:
         self._steps += scan.valid.size
 
     def estimate(self, estimate: Estimate) -> None:
-        """Add the estimate after the last scan of an instant; score all that wait once a chunk is full.
+        """Add the estimate after the last scan of an instant; score the waiting estimates once a chunk is full.
 
         Raises:
             Fault: an estimate cannot be scored.
@@ -140,12 +140,12 @@ class Scorer:
 
     @property
     def waits(self) -> bool:
-        """Whether there are estimates that are added but not scored yet."""
+        """Whether some estimates are added but not scored yet."""
         return self._filled > 0
 
     @cached_property
     def kernels(self) -> Kernels | None:
-        """Kernels that score several instants in one sequence of calls; None where NumPy scores them."""
+        """Kernels that score several instants in one sequence of calls; None where NumPy scores the instants."""
         accumulators_left = dict(self._accumulators)
         if accumulators_left.pop(ESTIMATES.name, None) is None or self._classes.shape[-1] > 1:
             return None
@@ -156,12 +156,12 @@ class Scorer:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Number of objects and number of runs."""
+        """Number of objects and number of runs, whose product is the length of a batch."""
         return self._objects, self._runs
 
     @property
     def due(self) -> Mask:
-        """``(instants, batch)`` where an estimate is due."""
+        """``(instants, batch)`` mask of the estimates that a tracker should give."""
         return self._due
 
     def has_all(self, started: Mask, instants: slice) -> bool:
@@ -188,7 +188,7 @@ class Scorer:
             scores: scores at the next instants.
             repaired: ``(instants, batch or 1)`` number of repaired covariances.
             latest: ``(4, batch)`` estimates at the last of these instants.
-            given: ``(batch,)`` which of these estimates exist.
+            given: ``(batch,)`` mask of the latest estimates that the tracker gave.
             spent: seconds, and number of steps of single objects in this time.
         """
         instants = scores.instants
@@ -205,7 +205,7 @@ class Scorer:
         self._charged.note(np.where(given, latest, np.nan), instants.stop - 1)
 
     def close(self) -> dict[str, Any]:
-        """Return the sums over all scored estimates, by name of the accumulator."""
+        """Return the sums over all scored estimates, by name of the accumulator that summed."""
         return {name: accumulator.close(self._sums[name]) for name, accumulator in self._accumulators.items()}
 
     def score(self) -> None:

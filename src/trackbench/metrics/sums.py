@@ -1,4 +1,4 @@
-"""Sums that all built-in metrics share: small enough for any number of runs, and merged exactly."""
+"""Sums of errors, NEES and NIS that all built-in metrics share: small for any number of runs, and merged exactly."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ STRETCHES, SHORTEST = 20, 4.0
 
 
 def stretch_numbers(instants: int, duration: float) -> Indices:
-    """Return the number of the stretch of time that each instant of a run of ``duration`` s is in, ``(instants,)``."""
+    """Return the index of the stretch of time that each instant of a run is in, ``(instants,)``; ``duration`` in s."""
     count = min(STRETCHES, max(1, int(duration / SHORTEST)))
     return np.arange(instants) * count // max(instants, 1)
 
 
 @dataclass
 class NisScores:
-    """Sums over the innovations of one sensor: number, NIS, and products of successive ones for the autocorrelation."""
+    """Sums over the innovations of one sensor: number, NIS, and products of successive innovations."""
 
     dof: int
     """Number of components of the innovation; 0 while the tracker has given none."""
@@ -102,21 +102,23 @@ class BlockScores:
     due: Array
     """``(runs,)`` number of estimates, over instants and objects, that a tracker should give."""
     diverged: Array
-    """``(runs,)`` 1 where a position error exceeded the limit, else 0."""
+    """``(runs,)`` 1 for a run in which a position error exceeded the divergence limit, else 0."""
     repaired: Array
     """``(runs,)`` number of covariances that were repaired in each run."""
     nis: dict[str, NisScores]
-    """Sums over the innovations of each sensor, by its name."""
+    """Sums over the innovations of each sensor, by name of the sensor."""
     classes: list[tuple[int, ClassSums]]
-    """Number of runs, and sums under each condition, of each merged block; a single entry for all runs in the end."""
+    """Number of runs, and sums under each condition, of each merged block of runs; in the end a single pair for all
+    runs."""
     stretches: list[int] | None = None
-    """Number of stretches of each single run; None where runs are not cut into stretches."""
+    """Number of stretches of time that each run is cut into; None where runs are not cut."""
     scenes: bool = False
-    """Whether the independent parts are scenes."""
+    """Whether the independent parts in ``per_part`` and ``charged`` are scenes; else they are runs or stretches of a
+    run."""
 
     @property
     def given(self) -> float:
-        """Number of estimates that were due and given."""
+        """Number of estimates, over all runs, instants and objects, that were due and that the tracker gave."""
         return float(self.per_run[ERROR["given"]].sum())
 
     @property
@@ -127,7 +129,7 @@ class BlockScores:
 
 
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
-    """Merge the sums of consecutive blocks of runs in their order; the scenes of later blocks may be shorter."""
+    """Merge the sums of consecutive blocks of runs in their order; later blocks can have fewer instants."""
     first = blocks[0]
     by_run: dict[str, Any] = _joined(blocks, ("per_run", "per_part", "charged", "due", "diverged", "repaired"))
     return replace(
@@ -150,7 +152,7 @@ def _joined(parts: Sequence[Any], names: Sequence[str]) -> dict[str, Array]:
 
 
 def added(sums: Array, part: Indices) -> Array:
-    """Sum ``(rows, columns)`` over the columns of each part, to ``(rows, parts)``; ``part``: that of each column."""
+    """Sum the columns of ``(rows, columns)`` by the part that each belongs to, ``part``, to ``(rows, parts)``."""
     return np.stack([np.bincount(part, row) for row in sums])
 
 

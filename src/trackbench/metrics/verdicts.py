@@ -46,16 +46,16 @@ WHITENESS_TOLERANCE = 0.05
 
 
 def mean_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
-    """Return the verdict on a covariance from the interval of a mean NEES or NIS.
+    """Return the verdict on a covariance from the 95 % interval of a mean NEES or NIS.
 
-    ``consistent``: the mean is shown to be within ``TOLERANCE`` of ``dof``. ``optimistic``: shown to be above, as
-    errors are larger than stated. ``pessimistic``: shown to be below. ``undecided``: none of these is shown. More runs
-    shorten the interval about the same mean, so ``undecided`` may become any other verdict, and others stay. This is
-    the logic of an equivalence test (Schuirmann 1987, "A comparison of the two one-sided tests procedure and the power
-    approach").
+    ``consistent``: the whole interval is within ``TOLERANCE`` of ``dof``. ``optimistic``: the whole interval is above,
+    since errors are larger than stated. ``pessimistic``: the whole interval is below. ``undecided``: the interval shows
+    none of these. More runs shorten the interval about the same mean, so ``undecided`` can become any other verdict,
+    and the other verdicts stay. This is the logic of an equivalence test (Schuirmann 1987, "A comparison of the two
+    one-sided tests procedure and the power approach").
 
     Args:
-        ci95: interval of the mean; None where there is none.
+        ci95: 95 % interval of the mean; None where it is unknown, which gives ``undecided``.
         dof: degrees of freedom, the mean of a consistent tracker.
     """
     return _consistency(ci95, dof * (1 - TOLERANCE), dof * (1 + TOLERANCE))
@@ -115,7 +115,8 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
     """Return the verdicts on the tails of the NEES, and on the NEES along and across the motion.
 
     The tails are the shares beyond the 95 % point and beyond the farthest point with a stated share. The list is empty
-    where too few estimates state the first. A missing estimate may lie within a point or beyond; the interval has both.
+    where estimates are too few to state the share beyond the 95 % point. A missing estimate could lie within a point or
+    beyond; the interval covers both cases.
 
     Args:
         scores: scores under one condition, or of all estimates.
@@ -146,7 +147,7 @@ def condition_verdicts(conditions: Mapping[str, ConditionScores]) -> list[Condit
 
 
 def _conditions_by_name(conditions: Mapping[str, ConditionScores]) -> dict[str, ConditionScores]:
-    """Return the conditions that may be judged: each manoeuvre, each range band and the first second."""
+    """Return the conditions that can get a verdict, by short name: each manoeuvre, range band and the first second."""
     named = [(*name.partition(": ")[::2], scores) for name, scores in conditions.items()]
     return {name: scores for group, name, scores in named if group not in ("", "jump") and name != AGES[1]}
 
@@ -156,14 +157,14 @@ def overall_verdict(
 ) -> str:
     """Combine the verdicts over all estimates and under each condition to the verdict on a covariance.
 
-    ``consistent``: over all estimates and under each condition. ``optimistic`` and ``pessimistic``: off over all
-    estimates or under some conditions, to that side alone. ``mixed``: off to both sides; or off under some condition
-    and consistent over all estimates; or consistent under some condition, with a mean that differs from the mean over
-    all estimates by more than a condition tolerates. The first second is excepted: its covariance is the initial one,
-    which may be right where the process noise is wrong everywhere. The two halves are excepted as well, since a fault
-    need not touch both. ``heavy-tailed``: none of these, and too many NEES are far out, over all estimates or under
-    some condition. Undecided tails and directions under a condition, which take more estimates than its mean, do not
-    count.
+    ``consistent``: over all estimates and under each condition. ``optimistic`` and ``pessimistic``: the covariance is
+    off over all estimates or under some conditions, to that side alone. ``mixed``: off to both sides; or off under some
+    condition and consistent over all estimates; or consistent under some condition, with a mean that differs from the
+    mean over all estimates by more than a condition tolerates. The first second is excepted: its covariance is the
+    initial one, which can be right where the process noise is wrong everywhere. The NEES of position alone and of
+    velocity alone are excepted as well, since a fault need not touch both. ``heavy-tailed``: none of these, and too
+    many NEES are far out, over all estimates or under some condition. Undecided tails and directions under a condition,
+    which take more estimates than the mean NEES, do not count.
 
     Args:
         mean: mean NEES over all estimates.
@@ -191,10 +192,10 @@ def overall_verdict(
 def heavy_beside(
     verdict: str, mean: float, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict]
 ) -> str | None:
-    """Return ``heavy-tailed`` where a verdict by means, which takes precedence, hides too frequent large errors.
+    """Return ``heavy-tailed`` where large errors are too frequent but the verdict by means says otherwise; else None.
 
     Large errors are too frequent where the share beyond a point, over all estimates or under a condition, exceeds the
-    share for a covariance that is too small by the factor that the mean NEES there shows.
+    share for a covariance that is too small by the factor that the mean NEES of the same estimates shows.
 
     Args:
         verdict: overall verdict.
@@ -216,7 +217,7 @@ def heavy_beside(
 
 
 def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
-    """Yield the verdicts on the NEES of position alone and of velocity alone; one may hide the other in their sum."""
+    """Yield the verdicts on the NEES of position alone and of velocity alone, whose faults can cancel in the sum."""
     for name, nees in zip(HALVES, map(scores.metrics.get, ("nees_position", "nees_velocity")), strict=True):
         if scores.runs >= FEWEST_RUNS and nees and nees.value is not None and nees.ci95 and nees.dof:
             verdict = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
@@ -246,7 +247,7 @@ def _consistency(ci95: tuple[float, float] | None, low: float, high: float) -> s
 
 
 def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | None:
-    """Return 0 for an interval between two limits, 1 for one above both, -1 for one below both, else None."""
+    """Return 0 for an interval between two limits, 1 for an interval above both, -1 for below both, else None."""
     if ci95 is None:
         return None
     if low <= ci95[0] and ci95[1] <= high:
@@ -269,7 +270,7 @@ _MORE_LARGE = "; large errors are more frequent than its mean NEES explains"
 
 
 def meaning(nees: MetricValue, conditions: Mapping[str, ConditionScores]) -> str:
-    """Explain the verdict on a NEES, with the conditions that alone show it, or the estimates that are missing."""
+    """Explain the verdict on a NEES, with the conditions that alone show a fault, or the share of given estimates."""
     verdict = nees.verdict or "undecided"
     if verdict == "undecided" and conditions:
         by_name, every = _conditions_by_name(conditions), conditions[""]
@@ -306,15 +307,12 @@ def only_where(nees: MetricValue, most: int = 2) -> str:
 def what_is_off(nees: MetricValue, most: int = 4, word: str | None = None) -> str:
     """Return under which conditions a covariance is off, farthest first, with mean NEES: "turning 39.7, straight 2.9".
 
-    The text names the conditions with a mean that is off. A heavy-tailed verdict, or one without such conditions, gives
-    shares: "15 % beyond the 95 % point (5 % expected)". A mixed verdict without either names the two conditions that
-    are furthest apart.
+    The text names the conditions with a mean that is off. A heavy-tailed verdict, or a verdict without such conditions,
+    gives shares: "15 % beyond the 95 % point (5 % expected)". A mixed verdict with neither conditions nor shares names
+    the two conditions that are furthest apart.
 
-
-    Args:
-        nees: NEES with its verdict.
-        most: largest number of names.
-        word: word of the verdict to explain; the main one by default.
+    Args: nees: NEES with its verdict. most: largest number of names. word: verdict to explain, such as
+    ``heavy-tailed``; by default the overall verdict.
     """
     word = word or nees.verdict
     off = [condition for condition in nees.conditions or () if condition.verdict in ("optimistic", "pessimistic")]

@@ -39,7 +39,7 @@ def condition_tables(result: Result) -> Iterator[Table]:
 
 
 def consistency_table(result: Result) -> Table:
-    """Return a table of each tracker's innovations by sensor, and of what is off with its NEES."""
+    """Return a table of each tracker's innovations by sensor, and where its NEES is off."""
 
     def deviations(tracker: TrackerResult) -> Cell:
         nees = metric_of(tracker, "nees")

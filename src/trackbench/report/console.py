@@ -99,7 +99,7 @@ def summary_table(result: Result, room: int = 80) -> Table:
 
 
 def _covariances(trackers: Sequence[TrackerResult], room: int) -> list[Cell]:
-    """Return a cell for each tracker: mean NEES and verdict, with its conditions if ``room`` characters suffice."""
+    """Return a cell for each tracker: mean NEES and verdict, and where it is off if ``room`` characters suffice."""
     metrics = [metric_of(tracker, "nees") for tracker in trackers]
     means = [NOT_AVAILABLE if nees.mean is None else mean_text(nees.mean) for nees in metrics]
     width = max(map(len, means))
@@ -140,7 +140,7 @@ def _bar(ratio: float) -> str:
 
 
 def _to_the_best(result: Result) -> list[Cell]:
-    """Return a cell for each scored tracker: its error relative to the best tracker's, and the verdict."""
+    """Return a cell for each scored tracker: its error relative to the best tracker's, and the verdict on both."""
     if not result.contenders:
         return [Cell("") for _ in result.scored]
     best, pairs, runs = result.contenders[0], Pairs(result), result.summary.runs
@@ -167,7 +167,7 @@ def ratio_text(ratio: float) -> str:
 
 
 def _cells(result: Result, path: str, digits: int, factor: float) -> list[Cell]:
-    """Return a cell of one metric for each scored tracker; position errors of known objects have intervals."""
+    """Return a cell for each scored tracker with the metric at ``path``, multiplied by ``factor``."""
     trackers = result.scored
     metrics = [metric_of(tracker, path) for tracker in trackers]
     if path == "nees":
@@ -188,7 +188,7 @@ def print_summary(result: Result, console: Console, folder: Path | None = None, 
         result: the run.
         console: console that prints.
         folder: folder of the run, which the commands for next steps name; None prints no next steps.
-        wide: whether a second table shows velocity, reference, groups and step time.
+        wide: whether to print a second table with velocity errors, reference, groups of trackers and step time.
     """
     print_hanging(console, "", Text(verdict_of_run(result), "bold"))
     listed = result.listed
@@ -211,7 +211,7 @@ def print_summary(result: Result, console: Console, folder: Path | None = None, 
 
 
 def print_outcome(result: Result, console: Console) -> None:
-    """Print how many expectations are met, the unranked trackers, and the expectations that are not met."""
+    """Print how many expectations of the scenario are met, the unranked trackers, and each expectation not met."""
     console.print(Text(f"{result.name}: {expectations_met(result.summary.expectations)}"), highlight=False)
     _print_unranked(result, console)
     _print_missed(result, console)

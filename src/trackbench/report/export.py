@@ -40,7 +40,7 @@ def mot_files(result: Result) -> Iterator[tuple[str, Callable[[], bytes]]]:
 
 
 def _objects(result: Result, time: Array) -> Array:
-    """Return MOTChallenge rows of the truth: frame, id, box, whether the object must be found, class, visibility."""
+    """Return MOTChallenge rows of the truth: frame number, id, box, whether it must be tracked, class, visibility."""
     truth = {name: rows for (name,), rows in split(result.tables.truth, "object").items()}
     rows = []
     for number, ((name,), due) in enumerate(split(result.tables.due, "object").items(), 1):
@@ -55,7 +55,7 @@ def _objects(result: Result, time: Array) -> Array:
 
 
 def _track_lines(result: Result, tracker: str, time: Array) -> bytes:
-    """Return MOTChallenge lines of a tracker: frame, id, box, existence probability, and three unused columns."""
+    """Return MOTChallenge lines of a tracker: frame number, id, box, existence probability, three unused columns."""
     table = result.tables.tracks
     if not table.num_rows:
         return b""

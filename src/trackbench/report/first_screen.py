@@ -36,7 +36,7 @@ from trackbench.results import MetricValue, Result, Summary, TrackerResult
 
 
 def picture(result: Result) -> Figure | None:
-    """Return the map of the recorded run, with the best tracker, the last one, and each that is not built in.
+    """Return the map of the recorded run: best and last of the trackers in figures, and the user's own trackers.
 
     None if there is no truth or, with hidden identities, no tracker. Baselines and references are not in the map.
     """
@@ -55,7 +55,7 @@ def picture(result: Result) -> Figure | None:
 
 
 def first_screen(result: Result, total: int, picture: Figure | None) -> Iterator[Block]:
-    """Yield the answer, the expectations, a small ranking of ``total`` trackers, and ``picture``."""
+    """Yield the top of a report: answer, expectations, a small ranking of ``total`` trackers, and ``picture``."""
     summary, missing = result.summary, result.unscored
     answer = answer_of_run(result)
     # A tracker's name keeps its small letter.
@@ -84,7 +84,7 @@ def first_screen(result: Result, total: int, picture: Figure | None) -> Iterator
 
 
 def next_step(result: Result) -> tuple[str, str]:
-    """Return the most useful next question, and the command that answers it in the folder of the run."""
+    """Return the most useful next question about a run, and the command that answers the question in its folder."""
     if not result.summary.has_recording or any(x.outcome == "failed" for x in result.summary.expectations):
         inspect = "trackbench inspect . --worst 3"
     else:
@@ -106,7 +106,7 @@ def questions(result: Result) -> Iterator[tuple[str, str]]:
 
 
 def _argument_of_doctor(tracker: TrackerResult, summary: Summary, scenario: str) -> str:
-    """Return how the doctor finds a tracker: in the scenario's file, or by the class that ``--set`` names; else ""."""
+    """Return the argument of ``trackbench doctor`` that names a tracker, by scenario file or by class; else ""."""
     changes = [item for item in summary.scenario.overrides if item.startswith(f"trackers.{tracker.name}")]
     if not changes:
         return f"{scenario}#{tracker.name}"
@@ -134,7 +134,7 @@ _FAILED = 3
 
 
 def at_a_glance(result: Result, total: int) -> Table:
-    """Return a small ranking: error and covariance verdict, best first."""
+    """Return a small ranking table: error and covariance verdict of trackers, best first; ``total``: all trackers."""
     trackers, path = result.drawn, result.summary.headline
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals(metric.value for metric in metrics)
@@ -160,7 +160,7 @@ def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:
 
 
 def _judged(tracker: TrackerResult) -> Cell:
-    """Return the verdict on a covariance and where it fails; if there is no verdict, the mean NEES of tracks."""
+    """Return a cell with a tracker's covariance verdict and where it is off; without a verdict, the mean NEES."""
     nees = metric_of(tracker, "nees")
     if nees.value is None:
         return missing_cell(nees)

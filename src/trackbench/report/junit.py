@@ -29,7 +29,7 @@ LINE_BREAK = Markup("&#10;")
 
 @dataclass(frozen=True)
 class Case:
-    """Test case of a JUnit file: an expectation, a limit, or that a tracker runs to the end."""
+    """Test case of a JUnit file: a scenario's expectation, a limit on a regression, or that a tracker did not fail."""
 
     name: str
     group: str
@@ -47,7 +47,7 @@ class Suite:
     cases: list[Case]
 
     def number(self, outcome: GateOutcome) -> int:
-        """Return the number of cases with an outcome."""
+        """Return the number of test cases with an outcome, such as ``failed``."""
         return sum(case.outcome == outcome for case in self.cases)
 
 
@@ -87,7 +87,7 @@ def _limit_case(limit: GateResult) -> Case:
 
 
 def to_xml(suites: Sequence[Suite]) -> str:
-    """Return the text of the JUnit file; it does not name the machine."""
+    """Return the XML text of the JUnit file, with ``localhost`` in place of the machine's name."""
     replacement = "\N{REPLACEMENT CHARACTER}"
     templates = environment(lambda text: escape(_FORBIDDEN.sub(replacement, text)).replace("\n", LINE_BREAK))
     written = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")

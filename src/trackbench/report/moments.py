@@ -13,7 +13,7 @@ from trackbench.results import Result
 
 
 def worst_moments(result: Result) -> dict[str, EstimateMoment]:
-    """Return the moment of each tracker's largest scored position error in the recorded run, best tracker first."""
+    """Return each tracker's estimate with the largest scored position error in the recorded run, best tracker first."""
     if not result.scored:
         return {}
     estimates = recorded_estimates(result)

@@ -79,7 +79,7 @@ def intervals_in_short(metrics: Sequence[MetricValue], places: int, scale: float
 
 
 def signed(value: float, places: int) -> str:
-    """Return a value with ``places`` decimals and its sign, also a plus."""
+    """Return a value with ``places`` decimals and a sign, "+" or a true minus."""
     return ("+" if value > 0 else "") + rounded(value, places)
 
 

@@ -61,7 +61,7 @@ class Pairs:
             (item.a, item.b): item for item in result.differences if item.metric == path and item.verdict is not None
         }
         self.margins = [item.margin for item in self._items.values()] or [result.summary.score.margin.absolute("m")]
-        """Margins of the differences, m."""
+        """Largest differences that do not matter, m: the margin of each pair."""
 
         has_no_interval = result.summary.runs == 1 and not any(item.ci95 for item in self._items.values())
         self.unjudged = "one run: differences cannot be judged" if has_no_interval and self._items else ""
@@ -81,7 +81,7 @@ class Pairs:
         return Pair(sign * item.value, ci95, word, item.margin)
 
     def differ(self, a: str, b: str) -> bool:
-        """Return whether one of two trackers is called better: the difference is shown to exceed the margin."""
+        """Return whether one of two trackers is called better: the difference significantly exceeds the margin."""
         item = self._items.get((a, b)) or self._items.get((b, a))
         return item is not None and item.better is not None
 
@@ -90,11 +90,11 @@ class Pairs:
         return f"within {margin_words(pair.margin for other in others if (pair := self.get(name, other)))}"
 
     def has_undecided(self, name: str) -> bool:
-        """Return whether in some pair with the tracker ``name`` neither is called better."""
+        """Return whether the tracker ``name`` is in a pair of which neither tracker is called better."""
         return any(name in names and item.better is None for names, item in self._items.items())
 
     def only_by_charges(self, names: Sequence[str]) -> dict[str, list[str]]:
-        """Return, by tracker, the trackers whose error is larger only because of the charge for missing estimates."""
+        """Return, by tracker, the trackers with a larger error only because missing estimates are charged."""
         larger_errors: dict[str, list[str]] = {}
         for (a, b), item in self._items.items():
             if item.turned and a in names and b in names:
@@ -104,7 +104,7 @@ class Pairs:
 
 
 def group_letters(names: Sequence[str], differ: Callable[[str, str], bool]) -> dict[str, str]:
-    """Return the letters of each tracker; two trackers share a letter exactly if they do not differ."""
+    """Return letters by tracker, as in a compact letter display: two trackers share a letter if they do not differ."""
     groups = groups_of(names, differ)
     gap = " " if len(groups) > len(ascii_lowercase) else ""
     return {name: gap.join(group_letter(i) for i, group in enumerate(groups) if name in group) for name in names}
@@ -116,14 +116,14 @@ class Standing:
 
     heading: str
     short: str
-    """Short heading, for a terminal."""
+    """Short form of ``heading``, for a terminal."""
     meaning: str
     cells: list[str]
     """Text in this column for each scored tracker, best first."""
 
 
 def standing(result: Result) -> Standing:
-    """Return the column: letters of groups if every pair is compared, else verdicts against a single tracker.
+    """Return the ranking's column of verdicts: letters of groups if all pairs are compared, else against one tracker.
 
     A reference or a smoother does not compete and has an empty cell.
     """

@@ -1,4 +1,4 @@
-"""The recorded run as a scene that a page plays: vehicles, measurements, estimates or tracks, errors and events."""
+"""Scene of the recorded run (the run kept for drawing), which a page plays: vehicles, measurements, tracks, events."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _SHORTEST_M = 1.0
 def replay_of_run(
     result: Result, styles: Sequence[TrackerStyle], chosen: Sequence[str], moments: Mapping[str, EstimateMoment]
 ) -> ReplayScene | None:
-    """Return the scene of the recorded run, which opens at its worst moment; None if no true path is known.
+    """Return the recorded run as a scene that opens at the time of the largest error; None without a true path.
 
     Args:
         result: the run.
-        styles: styles of the trackers that a reader may choose.
-        chosen: names of the trackers shown at first, best first.
-        moments: moment of each tracker's largest error, where identities are known.
+        styles: styles of the trackers that a reader can choose to display.
+        chosen: names of the trackers displayed at first, best first.
+        moments: time and object of each tracker's largest error, by tracker; empty with hidden identities.
     """
     hidden = result.summary.identities == "hidden"
     vehicles = {path.name: path for path in _vehicles(result)}
@@ -152,7 +152,7 @@ def _largest_errors(result: Result, styles: Sequence[TrackerStyle]) -> dict[str,
 
 
 def _gospa_of_run(result: Result, styles: Sequence[TrackerStyle]) -> dict[str, Series]:
-    """Return, by tracker, GOSPA at each instant of the recorded run, m; NaN in older results, which do not have it."""
+    """Return, by tracker, GOSPA at each instant of the recorded run, m; NaN in older results without GOSPA."""
     rows_of = split(result.tables.steps, "tracker")
     values = {style.name: rows_of[style.name,] for style in styles}
     nothing = np.full(max((len(rows["time_s"]) for rows in values.values()), default=0), np.nan)
@@ -174,12 +174,12 @@ def _worst_events(moments: Mapping[str, EstimateMoment], vehicles: Mapping[str, 
 
 
 def _start_at_largest(time: Array, value: Array) -> ReplayStart | None:
-    """Return the opening at the time of the largest value, showing the whole scene; None without values."""
+    """Return the start of a replay at the time of the largest value, with the whole scene in view; None if all NaN."""
     return ReplayStart(float(time[np.nanargmax(value)]), "") if np.isfinite(value).any() else None
 
 
 def _start_at_event(event: ReplayEvent, vehicles: Mapping[str, ReplayPath]) -> ReplayStart:
-    """Return the opening at the time of an event, with the vehicle nearest to it in the middle."""
+    """Return the start of a replay at the time of an event, with the vehicle nearest to the event in the middle."""
     distance_m = {
         name: float(np.hypot(*np.subtract(_position_at(path, event.time_s), event[3:5])))
         for name, path in vehicles.items()

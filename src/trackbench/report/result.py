@@ -29,7 +29,7 @@ from trackbench.results import Result
 
 
 def result_document(result: Result) -> Document:
-    """Return the report of a run as a document."""
+    """Return the report of a run: answer, ranking, errors by condition, over time and scene, truth and sensors."""
     trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
     styles = tracker_styles(result.places)
     shown = [styles[tracker.name] for tracker in result.drawn]

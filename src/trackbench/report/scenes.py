@@ -1,4 +1,4 @@
-"""Errors in each scene of a run, and the independent parts over which its intervals are computed."""
+"""Errors in each scene of a run, and the independent runs or scenes from which its intervals are computed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def parts_in_words(scenes: str, runs: int, number: int) -> str:
 
 
 def basis_of_intervals(result: Result) -> str:
-    """Return in words the independent parts over which intervals are computed, such as "over 10 scenes"."""
+    """Return text on the independent runs, scenes or stretches that intervals rest on, such as "over 10 scenes"."""
     noise = (result.summary.truth.model_extra or {}).get("recorded_noise", {})
     recorded = ", with the recording's own noise in those of errors" if any(noise.values()) else ""
     return _independent_parts(result) + recorded
@@ -74,13 +74,13 @@ def values_of_few_scenes(result: Result) -> list[str]:
 
 
 def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
-    """Return a sentence on scenes of a kind not drawn: how frequent they may be, and if they may reverse a verdict.
+    """Return a sentence on scenes of a kind not sampled: how frequent they can be, and if they can reverse a verdict.
 
     The list is empty if the scenes are too few for a verdict.
 
     Args:
         number: number of scenes.
-        few_decide: whether one scene of a hundred may decide between two trackers.
+        few_decide: whether one scene of a hundred can decide which of two trackers is better.
     """
     if number < FEWEST_SCENES:
         return []
@@ -91,7 +91,7 @@ def undrawn_scenes(number: int, few_decide: bool = False) -> list[str]:
 
 
 def scene_blocks(result: Result) -> Iterator[Block]:
-    """Yield in how many scenes the overall best does not lead, and the errors in these scenes, or in all if few."""
+    """Yield in how many scenes the overall best does not lead, and errors in these, or in all if scenes are few."""
     scenes = result.summary.truth.scenes
     if not scenes or not result.scored:
         return

@@ -53,7 +53,7 @@ def provenance(result: Result) -> list[tuple[str, str]]:
 
 
 def duration(result: Result) -> str:
-    """Return the length of the truth, and the scored part if it is shorter by more than a scan period."""
+    """Return the length of the truth as text, with the scored time if that is shorter by more than a scan period."""
     length, score = result.summary.truth.duration_s, result.summary.score
     period = max((1 / sensor.rate_hz for sensor in result.summary.sensors.values() if sensor.rate_hz), default=0.0)
     is_whole = score.from_s <= period and length - score.to_s <= period
@@ -62,18 +62,18 @@ def duration(result: Result) -> str:
 
 
 def divergence(tracker: TrackerResult, runs: int) -> str:
-    """Return how often a tracker diverged, as "diverged in 1 of 10 runs"; empty if it never did."""
+    """Return how often a tracker diverged, as the words "diverged in 1 of 10 runs"; empty if it never did."""
     number = tracker.health.diverged_runs
     return f"diverged in {number} of {counted(runs, 'run')}" if number else ""
 
 
 def others_ignored(result: Result) -> list[str]:
-    """Return a remark, in a list, if tracks that follow no object are ignored."""
+    """Return a list with a remark that tracks on no object are ignored; an empty list if they are scored."""
     return [REMARKS["others ignored"]] * ("others" in (result.summary.truth.model_extra or {}))
 
 
 def reused_identities(result: Result) -> list[str]:
-    """Return a remark, in a list, on trackers that used one track identity for two tracks, if there are any."""
+    """Return a list with a remark on trackers that used a track id for two tracks; empty if none did."""
     reuses = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
     trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in reuses if number)
     return [REMARKS["used again"].format(trackers=trackers)] if trackers else []
@@ -181,11 +181,11 @@ def verdict_of_run(result: Result) -> str:
 
 
 def answer_of_run(result: Result, not_met: str = "") -> str:
-    """Return the answer of a run: what went wrong, then which tracker is best and how surely.
+    """Return the answer of a run as text: what went wrong, then which tracker is best and how surely.
 
     Args:
         result: the run.
-        not_met: clause on failed expectations, placed among what went wrong.
+        not_met: clause on failed expectations, placed among what went wrong; empty for none.
     """
     failed = some_names([tracker.name for tracker in result.unscored if tracker.failed])
     went_wrong = [beaten_bound(result), failed and f"{failed} failed", _diverged(result), not_met]
@@ -259,7 +259,7 @@ def _best(result: Result) -> str:
 
 
 def _whom(names: Sequence[str], number: int, *, are_equivalent: bool) -> str:
-    """Return the names; if they are many, how many of the ``number`` other trackers they are."""
+    """Return the names as text; if they are many, only their count out of ``number`` others: "7 of the 9 others"."""
     if len(names) <= NAMED:
         return joined_names(names)
     which = f"{len(names)} of the" if len(names) < number else "all" if are_equivalent else "any of the"

@@ -1,4 +1,4 @@
-"""Tables of a run's report, and cells of metrics."""
+"""Tables of a run's report (ranking, tracks, innovations, expectations), and cells that show metrics."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def name_cells(trackers: Sequence[TrackerResult]) -> list[Cell]:
 
 
 def metric_of(tracker: TrackerResult, path: str) -> MetricValue:
-    """Return a tracker's metric; if the tracker lacks it, a missing value with the reason."""
+    """Return the metric of a tracker at a dotted path; if there is none, a missing value with the reason."""
     return tracker.metrics.get(path, NO_METRIC)
 
 
@@ -69,7 +69,7 @@ def tone_of(metric: MetricValue) -> Tone:
 
 
 def metric_cells(trackers: Sequence[TrackerResult], path: str, significant: int = 3, scale: float = 1.0) -> list[Cell]:
-    """Return a cell for each tracker: the metric, equally many decimals, verdict and interval in small print."""
+    """Return a cell for each tracker: the metric, with equally many decimals, and verdict and interval below."""
     metrics = [metric_of(tracker, path) for tracker in trackers]
     places = decimals([None if m.value is None else scale * m.value for m in metrics], significant)
     return [_metric_cell(metric, places, scale) for metric in metrics]
@@ -101,12 +101,13 @@ def tracker_table(
 def text_table(
     name: str, rows: Sequence[_Row], columns: Mapping[Column, Callable[[_Row], str]], caption: str = ""
 ) -> Table:
-    """Return a table whose cells are texts made from one object per row.
+    """Return a table whose cells are texts: for each row's object, the text that each column's function gives.
 
     Args:
         name: name of the table's file.
         rows: one object for each row.
-        columns: function from the object of a row to its text, by column; ``TRACKER`` is the column of trackers.
+        columns: function from the object of a row to its text, by column; the column ``TRACKER`` holds names of
+            trackers.
         caption: caption of the table.
     """
 
@@ -250,7 +251,7 @@ def innovation_columns(result: Result) -> Iterator[TableColumn]:
 
 
 def _judged(result: Result, metric: str, sensor: str) -> list[Cell]:
-    """Return a cell for each tracker: a metric of its innovations at one sensor, with verdict, without interval."""
+    """Return a cell for each tracker with NIS or whiteness at one sensor and the verdict, without interval."""
     path = f"{metric}.{sensor}"
     words = [verdict_in_words(metric_of(tracker, path)) for tracker in result.scored]
     cells = metric_cells(result.scored, path)
@@ -289,7 +290,7 @@ def expectation_table(result: Result) -> Table:
 
 
 def value_text(value: float | str | None) -> str:
-    """Return the value of an expectation as text."""
+    """Return the value that an expectation tests as text: a number with few digits, a word, or "n/a" for None."""
     if value is None:
         return NOT_AVAILABLE
     return rounded(value, decimals([value])) if isinstance(value, float) else str(value)

@@ -51,7 +51,7 @@ def _audits(truth: TruthSummary) -> Audits:
 
 
 def _recording(truth: TruthSummary) -> Iterator[_Finding]:
-    """Yield faults of recorded traffic: acceleration, stated speed and jumps as recorded, and what smoothing did."""
+    """Yield faults of recorded traffic: largest acceleration, error of stated speeds, jumps, noise smoothed away."""
     options = truth.model_extra or {}
     if truth.source != "recorded-traffic":
         return

@@ -1,4 +1,4 @@
-"""Checks of a stored result: digests of files, and values and tables against those of a repeated run."""
+"""Checks of a stored result: sha256 digests of files, and differences from the values and tables of a repetition."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDING = 1e-9
 
 
 def why_other_content(file: Path, digest: str) -> str | None:
-    """Say why a file's sha256 is not ``digest``; None if it is."""
+    """Return why a file does not have the sha256 ``digest``: it is missing or differs; None if it has it."""
     try:
         require_regular(file)
         return None if sha256(file) == digest else "its sha256 is not the stated one"

@@ -1,4 +1,4 @@
-"""Tables of a result: made from records, and read as NumPy arrays."""
+"""Conversion of a result's tables: made from records of columns, read and split as NumPy arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Record = Mapping[str, Any]
 
 
 def table_of(records: Sequence[Record]) -> pa.Table:
-    """Return one table with the rows of all records; the columns are those of the first record."""
+    """Return a table with the rows of all records, each a mapping from column to values; columns as in the first."""
     import pyarrow as pa
 
     sizes = [next((len(value) for value in part.values() if not isinstance(value, str | float)), 1) for part in records]
@@ -67,14 +67,14 @@ def mean(total: Array, count: Array) -> Array:
 
 
 def table_columns(table: pa.Table) -> Columns:
-    """Return all columns of a table as NumPy arrays."""
+    """Return all columns of a table as NumPy arrays, by name."""
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def split(table: pa.Table, *keys: str) -> dict[tuple[str, ...], Columns]:
     """Split a table by the values of ``keys``, in order of appearance; rows are sorted by ``time_s``.
 
-    A table without rows may also lack the columns.
+    A table without rows is allowed to lack the columns.
     """
     if not table.num_rows:
         return {}

@@ -32,7 +32,7 @@ UNFINISHED = ".unfinished"
 
 
 def json_text(summary: Mapping[str, Any]) -> str:
-    """Return the summary as JSON.
+    """Return the text of a JSON file with the values of a result's summary.
 
     Raises:
         ValueError: the summary holds a NaN or an infinity, which a result never does.
@@ -86,7 +86,7 @@ def require_writable(out: Path, key: str = "--out") -> None:
 
     Args:
         out: the folder.
-        key: option that names the folder.
+        key: command-line option that names the folder, for the error message.
 
     Raises:
         InputError: files cannot be written to the folder.
@@ -105,7 +105,7 @@ def require_file(path: Path, key: str) -> None:
 
     Args:
         path: name of the file.
-        key: option that names the file.
+        key: command-line option that names the file, for the error message.
 
     Raises:
         InputError: the file cannot be written.
@@ -116,7 +116,7 @@ def require_file(path: Path, key: str) -> None:
 
 
 def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
-    """Make sure that a folder can be written under this name: none exists, or an empty or an earlier one of its kind.
+    """Make sure that a folder can be written under a name: it does not exist, is empty, or holds the file ``mark``.
 
     Args:
         folder: name of the folder.
@@ -134,7 +134,7 @@ def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file, and the folder it is in, under a temporary name and rename it: it is whole or missing.
 
-    A device or a pipe, such as /dev/stdout, is written itself.
+    A device or a pipe, such as /dev/stdout, is written directly.
 
     Raises:
         OutputError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""Merging of results of one scenario, each with its own trackers, to one result."""
+"""Merging of results with equal measurements, each with other trackers, to one result."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def merged_result(results: Mapping[str, Result]) -> Result:
     The trackers stand in the order of the results. Tables without a column ``tracker`` come from the first result.
 
     Args:
-        results: results by the name under which error messages mention each.
+        results: results, by a name for each that error messages mention.
 
     Raises:
         InputError: the measurements or the motion differ, or two trackers have the same name.

@@ -1,4 +1,4 @@
-"""Metric of a tracker, as a result holds it."""
+"""Metric value as a result holds it: number, unit, interval and verdicts, by dotted path."""
 
 from __future__ import annotations
 
@@ -118,45 +118,53 @@ class MetricValue(ResultModel):
     """
 
     value: float | None = None
-    """The value; None where it is missing, for the ``reason``. In JSON the value of a NEES or NIS is named ``mean``."""
+    """Value of the metric; None where it is missing, with the cause in ``reason``. In JSON the value of a NEES or NIS
+    is named ``mean``."""
     unit: str
     """Unit of the value; "1" for a number without one."""
     ci95: tuple[float, float] | None = None
-    """95 % interval; None where a single run gives none, or the metric has no interval."""
+    """95 % interval; None where a single run cannot give an interval, or the metric never has one."""
     reason: str | None = None
-    """Reason for a missing value or interval; None where neither has a reason."""
+    """Reason for a missing value or interval; None where nothing is missing or no reason is known."""
     dof: int | None = None
     """Degrees of freedom of a NEES or NIS, the mean expected of a consistent tracker; None for other metrics."""
     steps_inside_bounds: float | None = None
-    """Share of instants with mean NEES or NIS, over runs and objects, in its 95 % bounds; None for other metrics."""
+    """Share of instants at which the NEES or NIS, averaged over runs and objects, is within its 95 % bounds; None for
+    other metrics."""
     coverage: float | None = None
     """Share of the innovations that were given, among the measurements that should have one; None unless a NIS."""
     inside95: float | None = None
     """Share of single NIS values below the 95 % point of chi-square; None for other metrics."""
     verdict: str | None = None
-    """Verdict: on a covariance, such as ``consistent``, or on a whiteness, such as ``white``."""
+    """Verdict: on a covariance, such as ``consistent``, or on the whiteness of innovations, such as ``white``. None for
+    other metrics."""
     also: str | None = None
-    """``heavy-tailed`` where large errors are too frequent although the first verdict, by the mean, does not say so."""
+    """``heavy-tailed`` where large errors are too frequent although ``verdict``, by the mean, does not say so; else
+    None."""
     words: str | None = None
-    """Verdict on a covariance in plain words, such as "too large; about right on straights"."""
+    """Verdict on a covariance in plain words, such as "too large; about right on straights"; None for other metrics."""
     charged_share: float | None = None
     """Share of the squared error that is charged for missing estimates; None where no estimate is missing."""
     without_charged: float | None = None
-    """Value over the given estimates alone, without those charged for missing ones; None where none is missing."""
+    """Value over the estimates that the tracker gave, without charges for missing estimates; None where no estimate is
+    missing."""
     p05: float | None = None
-    """5 % quantile of a function's delays; likewise ``p50`` and ``p95``."""
+    """5 % quantile of the delays, s, of a driver assistance function against the truth; ``p50`` and ``p95`` likewise.
+    None for other metrics."""
     p50: float | None = None
     p95: float | None = None
     early: float | None = None
-    """Mean of the function's delays below 0; None where there is none."""
+    """Mean of the delays below 0 of a driver assistance function, s; None where no delay is below 0."""
     late: float | None = None
-    """Mean of the function's delays above 0; None where there is none."""
+    """Mean of the delays above 0 of a driver assistance function, s; None where no delay is above 0."""
     missing: float | None = None
-    """Share of the events to which the function did not react."""
+    """Share of the events to which a driver assistance function did not react; None for other metrics."""
     conditions: tuple[ConditionVerdict, ...] | None = None
-    """Verdicts under each condition, from which ``verdict`` is combined."""
+    """Verdict under each condition, such as a manoeuvre, from which the ``verdict`` on a NEES is combined; None for
+    other metrics."""
     parts: tuple[PartVerdict, ...] | None = None
-    """Verdicts on the tails and directions of the NEES over all estimates, from which ``verdict`` is combined."""
+    """Verdicts on the tails of the NEES and on its directions, over all estimates, from which ``verdict`` is combined;
+    None for other metrics."""
 
     @property
     def mean(self) -> float | None:
@@ -206,7 +214,7 @@ class MetricValue(ResultModel):
 
     @model_serializer(mode="wrap")
     def _short(self, handler: SerializerFunctionWrapHandler) -> Json:
-        """Leave out unset fields, but keep the value, and the interval where a reason says why it is missing."""
+        """Return the JSON without unset fields, but with the value, and the interval where ``reason`` explains it."""
         entry = {key: value for key, value in handler(self).items() if value is not None}
         value = entry.pop("value", None)
         if value is not None and self.reason is not None:
@@ -225,7 +233,7 @@ Metrics = Annotated[dict[str, MetricValue], AfterValidator(MetricsByPath)]
 
 
 def by_value(values: Mapping[K, float]) -> list[K]:
-    """Return the keys by their values, least first; values that differ by rounding keep the order of the mapping."""
+    """Return the keys by their values, smallest value first; values equal up to rounding keep their order."""
     least: dict[K, float] = {}
     value = first = math.nan
     for key in sorted(values, key=values.__getitem__):

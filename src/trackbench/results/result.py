@@ -1,4 +1,4 @@
-"""Result of a run, and the differences between its trackers."""
+"""Result of a run: its summary, tables and trackers, and the paired differences between the trackers."""
 
 from __future__ import annotations
 
@@ -33,22 +33,23 @@ class Difference(ResultModel):
     value: float
     ci95: tuple[float, float] | None
     margin: float
-    """Largest difference that does not matter."""
+    """Largest difference that does not matter, in the unit of the metric."""
     p_value: float | None
     """P-value of the hypothesis that the difference is within the margin, corrected for the number of tests. None for a
-    difference that is not corrected together with others, which has no verdict."""
+    difference outside the tests that are corrected together, which has no verdict."""
     better: str | None
-    """Tracker that is shown to be better by more than the margin; None where neither is."""
+    """Name of the tracker that is shown to be better by more than the margin; None where neither is shown to be
+    better."""
     verdict: str | None
-    """The better tracker, ``equivalent`` or ``undecided``; ``larger`` or ``smaller``, of ``a``, where no direction is
-    better. None where the p-value is None."""
+    """Name of the better tracker, ``equivalent`` or ``undecided``; ``larger`` or ``smaller`` (value of ``a``) where
+    neither direction is better. None where the p-value is None."""
     without_charged: float | None = None
     """Difference over the given estimates alone. None unless over a tenth of either squared error is charged for
     missing estimates. If its sign differs from that of ``value``, neither tracker is called better."""
 
     @property
     def turned(self) -> bool:
-        """Whether the difference is shown but neither tracker is better, as ``without_charged`` has the other sign."""
+        """Whether neither tracker is better although the difference is shown: ``without_charged`` has another sign."""
         shown = self.verdict in ("larger", "smaller")
         return shown and self.without_charged is not None and self.without_charged * self.value < 0
 
@@ -96,7 +97,7 @@ class Result:
         )
 
     def __getitem__(self, tracker: str) -> TrackerResult:
-        """Return the result of one tracker.
+        """Return the metrics, failure and description of the tracker with this name.
 
         Raises:
             InputError: there is no tracker of this name.
@@ -115,7 +116,7 @@ class Result:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Index of each tracker in the scenario file, which selects its colour."""
+        """Index from 0 of each tracker in the scenario file, by name, which selects the tracker's colour."""
         return {tracker.name: tracker.place for tracker in self.summary.trackers}
 
     @property
@@ -124,23 +125,23 @@ class Result:
 
     @cached_property
     def differences(self) -> list[Difference]:
-        """Differences of the ranked trackers: every pair, or each to ``summary.score.against``."""
+        """Paired differences of the ranked trackers: of every pair, or of each to ``summary.score.against``."""
         return differences_from_table(self.tables.if_there("differences"))
 
     @cached_property
     def scored(self) -> list[TrackerResult]:
-        """Trackers whose errors can be compared, best first."""
+        """Trackers whose errors can be compared (not failed, enough estimates), best first."""
         ranked = [self[name] for name in self.summary.ranking]
         return [tracker for tracker in ranked if not self.why_unscored(tracker)]
 
     @cached_property
     def contenders(self) -> list[TrackerResult]:
-        """Scored trackers that are not references; all scored trackers if all are references."""
+        """Scored trackers that know neither origins nor later measurements; all scored trackers if each knows them."""
         return [tracker for tracker in self.scored if not tracker.is_reference] or self.scored
 
     @property
     def filtering(self) -> list[TrackerResult]:
-        """Contenders that filter; all contenders if none filters."""
+        """``contenders`` without the baselines that filter nothing; all contenders if all are such baselines."""
         return [tracker for tracker in self.contenders if not tracker.baseline] or self.contenders
 
     @property
@@ -166,7 +167,7 @@ class Result:
         return [tracker for tracker in self.summary.trackers if self.why_unscored(tracker)]
 
     def why_unscored(self, tracker: TrackerResult) -> str:
-        """Return why a tracker is not compared with the others; empty where it is compared."""
+        """Return why a tracker is not compared with other trackers, such as a failure; empty where it is compared."""
         if tracker.failed is not None:
             return str(tracker.failed)
         headline = tracker.metrics.get(self.summary.headline)
@@ -184,7 +185,7 @@ class Result:
         return f"it {BEATS_BOUND}" if tracker.beats_bound(self.summary.reference) else ""
 
     def json(self) -> dict[str, Any]:
-        """Return the summary as JSON values, without the digests of the tables."""
+        """Return the summary as JSON values, without the sha256 digests of the tables."""
         return self.summary.model_dump(mode="json", exclude={"tables"})
 
     @property
@@ -275,7 +276,7 @@ class Result:
 
     @classmethod
     def load(cls, folder: Path | str) -> Result:
-        """Load the result in a run's folder; ``folder`` may also be the path of its ``result.json``.
+        """Load the result in a run's folder; ``folder`` is the folder or its ``result.json``.
 
         Raises:
             InputError: there is no result, it cannot be read, or it is of another version.

@@ -13,7 +13,7 @@ from trackbench.results.metric_value import ResultModel
 
 
 class VelocityMismatch(ResultModel):
-    """Difference between a truth's stated velocities and those from its displacements; None where nothing moves."""
+    """Largest and mean difference of a truth's stated velocities from its displacements, m/s; None at rest."""
 
     max_mps: float | None
     mean_mps: float | None
@@ -42,11 +42,11 @@ class VelocityJumps(ResultModel):
     """Name of the object with the largest jump; None without a jump."""
     time_s: float | None = None
     peak_acceleration_mps2: float | None = None
-    """Largest acceleration: change of the velocity vector in a step over its duration, jump or not."""
+    """Largest acceleration of any object: change of the velocity vector in a step, divided by the step's duration."""
 
 
 class EndedEarly(ResultModel):
-    """Early end of a truth that is shorter than the scenario asks for."""
+    """Time and reason of the end of a truth that is shorter than the scenario asks for."""
 
     time_s: float
     reason: str
@@ -69,7 +69,7 @@ class TruthAudit(ResultModel):
     mode: Literal["repair", "refuse", "by construction"]
     verdict: Literal["consistent", "repaired", "exact"]
     velocity_error_before: VelocityMismatch
-    """Mismatch of the velocities that the source of the truth states, before any repair."""
+    """Mismatch between the velocities that the source of the truth states and its displacements, before any repair."""
     velocity_error_after: VelocityMismatch
     jumps: list[PositionJump]
     velocity_jumps: VelocityJumps
@@ -82,20 +82,20 @@ Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None
 
 
 class ScenarioSummary(ResultModel):
-    """Scenario as it was run: its text, overrides and world."""
+    """Scenario as it was run: its text, overrides, and world (variant with other drivers and sensors)."""
 
     name: str
-    """Name of the scenario with its world, if any: the name of the folder of the run."""
+    """Name of the scenario, with a suffix for its world if it has worlds; also the name of the run's folder."""
     description: str
     file: str
     text: str
     overrides: list[str]
     world: str | None = None
-    """Name of the scenario's world; None for a scenario without worlds."""
+    """Name of the world (drivers and sensors) in which the scenario was run; None for a scenario without worlds."""
 
     @property
     def base(self) -> str:
-        """Name of the scenario without the suffix for its world, as "highway" for "highway-human"."""
+        """Name of the scenario without the suffix for its world, such as "highway" for "highway-human"."""
         return self.name if self.world is None else self.name.removesuffix(f"-{self.world}")
 
 
@@ -108,11 +108,11 @@ class SceneSummary(ResultModel):
     duration_s: float
     audit: Audit
     error: dict[str, float]
-    """Value of the metric that ranks, m, for each ranked tracker with an estimate in the scene."""
+    """Value, m, of the metric that ranks trackers, by name of each ranked tracker with an estimate in the scene."""
 
 
 class TruthSummary(ResultModel):
-    """Source of the truth with its options as extra fields, all scenes, and objects and audit of the recorded scene."""
+    """Source of the truth, with options as extra fields; all scenes; objects and audit of the recorded scene."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -130,8 +130,8 @@ class TruthSummary(ResultModel):
     few_scenes_decide: bool = False
     """Whether vehicles hide others, so that one scene in a hundred can turn which of two trackers is better."""
     motion: list[str] = Field(default_factory=list)
-    """Fingerprint of the motion in each scene. One that is the beginning of another shows the same scene, recorded for
-    a shorter time."""
+    """Fingerprint of the motion in each scene. A fingerprint that is the beginning of another belongs to the same
+    scene, recorded for a shorter time."""
 
     @property
     def log_stretches(self) -> int:
@@ -152,12 +152,12 @@ class TruthSummary(ResultModel):
 
     @property
     def vehicles(self) -> str:
-        """Number of vehicles in words, or "no truth"."""
+        """Number of vehicles as text, such as "5 vehicles", or "no truth"."""
         return counted(len(self.objects), "vehicle") if self.known else "no truth"
 
 
 class SensorSummary(ResultModel):
-    """Sensor as it was simulated or recorded, such as its noise, field of view, rate and effects."""
+    """Properties of a sensor as simulated or recorded: noise, field of view, rate, latency and effects."""
 
     # Older results have a text in place of ``sigmas``.
     model_config = ConfigDict(extra="ignore")
@@ -172,11 +172,11 @@ class SensorSummary(ResultModel):
     """Rate of the scans; of recorded scans, one over the median interval between them. None for a single scan."""
     preset: str | None
     detection_rate: float | None
-    """Share of the scans with an object in view in which the object was detected; None if that is unknown."""
+    """Share of the scans with an object in view in which the object was detected; None if the share is unknown."""
     latency_s: tuple[float, float] = (0.0, 0.0)
     """Least and largest delay between the taking of a scan and its arrival."""
     effects: tuple[dict[str, JsonValue], ...] = ()
-    """Effects that make the sensor differ from an ideal one, in the order in which they act: type and options of
+    """Effects that make the sensor differ from an ideal sensor, in the order in which they act: type and options of
     each."""
 
     @property
@@ -186,12 +186,12 @@ class SensorSummary(ResultModel):
 
     @property
     def range_in_words(self) -> str:
-        """Largest range in words, such as "150 m"."""
+        """Text of the largest range at which the sensor measures, such as "150 m"; "no limit" without one."""
         return "no limit" if self.max_range_m is None else f"{self.max_range_m:g} m"
 
     @property
     def latency_in_words(self) -> str:
-        """Latency of the scans, s, such as "0.1" or, if it is drawn, "0.05 to 0.2"."""
+        """Latency of the scans, s, as text, such as "0.1" or, if it is random, "0.05 to 0.2"."""
         return " to ".join(dict.fromkeys(f"{end:g}" for end in self.latency_s))
 
     @property
@@ -217,27 +217,27 @@ def _options_in_words(options: Mapping[str, object]) -> Iterator[str]:
 class ReferenceSummary(ResultModel):
     """Reference that errors are compared with: the Cramer-Rao bound of targets that move with white acceleration.
 
-    It also assumes that the sensors' noise is as stated and without bias, and that the target of each measurement is
-    known.
+    The reference also assumes that the sensors' noise is as stated and without bias, and that the target of each
+    measurement is known.
     """
 
     kind: Literal["bound", "reference"]
     """bound: targets move with white acceleration and noise is as stated, so no tracker can be expected to have smaller
-    errors. reference: motion or sensors differ from that, and a tracker can have smaller errors."""
+    errors. reference: motion or sensors differ from these assumptions, and a tracker can have smaller errors."""
     acceleration_sigma_mps2: float
-    """Standard deviation of the acceleration per axis."""
+    """Standard deviation of the white acceleration per axis that the reference assumes."""
     acceleration_from: Literal["scenario", "truth"]
-    """Source of the acceleration. scenario: the scenario states it. truth: the random acceleration that the motion was
-    simulated with, or for any other motion the RMS of the true acceleration."""
+    """Source of ``acceleration_sigma_mps2``. scenario: the scenario states the value. truth: the random acceleration
+    that the motion was simulated with, or for any other motion the RMS of the true acceleration."""
 
     @property
     def label(self) -> str:
-        """Name of the reference in the legend of a figure."""
+        """Name of the Cramér-Rao reference for the legend of a figure, which depends on its kind."""
         return "Cramér-Rao bound" if self.kind == "bound" else "reference"
 
     @property
     def meaning(self) -> str:
-        """Explanation, in one or two sentences, of what the Cramér-Rao reference says of this scenario."""
+        """Explanation, in one or two sentences, whether a tracker can have errors below the Cramér-Rao reference."""
         white = f"with white acceleration of {self.acceleration_sigma_mps2:.3g} m/s² per axis"
         if self.kind == "bound":
             moving = white if self.acceleration_sigma_mps2 > 0 else "straight and steadily"
@@ -250,7 +250,7 @@ class ReferenceSummary(ResultModel):
 
 
 class MetricSummary(ResultModel):
-    """Name, unit, meaning and options of a metric, by which a result is read without the code of the metric."""
+    """Name, unit, meaning and options of a metric, so that a result is read without the metric's code."""
 
     name: str
     unit: str
@@ -263,7 +263,7 @@ class MetricSummary(ResultModel):
 
 
 class MarginSummary(ResultModel):
-    """Margin up to which differences do not matter: the larger of a share of the better value and an absolute value."""
+    """Margin up to which differences do not matter: a share of the better value, or an absolute value if larger."""
 
     percent: float
     position_m: float
@@ -271,16 +271,16 @@ class MarginSummary(ResultModel):
     course_deg: float
 
     def absolute(self, unit: str) -> float:
-        """Return the absolute part of the margin for metrics with this unit; 0 for a unit without one."""
+        """Return the absolute part of the margin for metrics with this unit; 0 for a unit without an absolute part."""
         return {"m": self.position_m, "m/s": self.velocity_mps, "deg": self.course_deg}.get(unit, 0.0)
 
     def at(self, value: float, unit: str) -> float:
-        """Return the margin of a difference between two trackers; ``value`` is the better of their values."""
+        """Return the largest difference of two trackers that does not matter; ``value``: the better of their values."""
         return max(self.percent / 100 * abs(value), self.absolute(unit))
 
 
 def sentence_on_point(point: str) -> str:
-    """Say which point of a body is scored; empty for the centre."""
+    """Return a sentence on the point of each body that estimates are compared with; empty for the centre."""
     words = {"rear": "middle of the rear", "nearest_face": "middle of the face nearest to the observer"}
     if point == "centre":
         return ""
@@ -288,11 +288,12 @@ def sentence_on_point(point: str) -> str:
 
 
 class ScoreSummary(ResultModel):
-    """Rules of scoring, and the metrics that are not built in."""
+    """Rules of scoring, such as margin, divergence limit and baseline, and the metrics that are not built in."""
 
     settle_s: float
     divergence_m: float | None = None
-    """Position error above which a run has diverged."""
+    """Limit on the position error, m: a run has diverged if an error exceeds the limit. Without effect with hidden
+    identities."""
     point: str = "centre"
     """Point of each body that estimates are compared with."""
     min_coverage: float
@@ -300,17 +301,17 @@ class ScoreSummary(ResultModel):
     from_s: float
     """Time of the first scan; estimates are scored from here on."""
     to_s: float
-    """Time of the last scan."""
+    """Time of the last scan, up to which estimates are scored."""
     margin: MarginSummary
     baseline: str | None = None
-    """Ranked tracker that all others are compared with; None if the scenario names none."""
+    """Name of the ranked tracker that all other trackers are compared with; None if the scenario names no baseline."""
     best: str | None = None
-    """Best tracker, if all others are compared with it alone because there are many; else None."""
+    """Name of the best tracker, if all others are compared with the best alone because trackers are many; else None."""
     cutoff_m: float | None = None
     """Cutoff distance of GOSPA; None with known identities."""
     metrics: list[MetricSummary] = Field(default_factory=list)
 
     @property
     def against(self) -> str | None:
-        """Tracker that all others are compared with; None where every pair is compared."""
+        """Name of the tracker that all other trackers are compared with; None where every pair is compared."""
         return self.baseline or self.best

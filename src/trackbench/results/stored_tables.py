@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Tables(Mapping[str, Any]):
     """Tables of a result by name, each read from the folder of the run when it is first used.
 
-    A table is an attribute too, such as ``tables.steps``.
+    Each table is also an attribute, such as ``tables.steps``.
     """
 
     def __init__(self, tables: Mapping[str, pa.Table | str], folder: Path = Path()) -> None:
@@ -37,7 +37,7 @@ class Tables(Mapping[str, Any]):
         return [*super().__dir__(), *self]
 
     def __getattr__(self, name: str) -> pa.Table:
-        """Return a table as an attribute."""
+        """Return the table of this name as an attribute, such as ``tables.steps``."""
         if name.startswith("_") or name not in self:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         return self[name]

@@ -1,4 +1,4 @@
-"""Content of ``result.json``, with when the runs were made and with which code."""
+"""Content of ``result.json``: metrics and settings of a run, and the time and code version of the run."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from trackbench.results.tracker_result import TrackerResult
 
 
 class Provenance(ResultModel):
-    """Time at which the runs began, and versions of the user's code. No metric depends on them."""
+    """Time at which the runs began, and versions of the user's code. No metric depends on time or versions."""
 
     made_at: AwareDatetime
     commit: str | None
     """Commit of the git repository that holds the scenario; None without a repository."""
     changed: bool | None
-    """Whether files that git tracks differed from the commit; None without a repository."""
+    """Whether files tracked by git differed from the commit at the time of the run; None without a repository."""
     no_commit: str = ""
     """Reason why the commit is unknown; empty where it is known."""
     code: dict[str, str | None] = Field(default_factory=dict)
@@ -44,7 +44,7 @@ SCHEMA_VERSION = 7
 
 
 class ExpectationResult(ResultModel):
-    """Expectation that the scenario states about a metric of a tracker, with the value and the outcome."""
+    """Condition that the scenario states on a metric of a tracker, such as a limit, with value and outcome."""
 
     tracker: str
     metric: str
@@ -63,7 +63,7 @@ class ExpectationResult(ResultModel):
 
 
 class Summary(ResultModel):
-    """Content of ``result.json``: scenario, truth, sensors, scoring, results of the trackers and their ranking."""
+    """Content of ``result.json``: scenario, truth, sensors, rules of scoring, and metrics and ranking of trackers."""
 
     schema_version: int = SCHEMA_VERSION
     scenario: ScenarioSummary
@@ -72,17 +72,17 @@ class Summary(ResultModel):
     """Number of Monte-Carlo runs of all scenes together."""
     versions: dict[str, str]
     engine: ComputedBy = "numpy"
-    """Engine that computed the built-in trackers."""
+    """Engine, such as ``numpy`` or compiled kernels, that computed the built-in trackers."""
     command: str
     identities: Literal["known", "hidden"] = "known"
-    """known: each measurement names its object. hidden: measurements do not, and trackers are scored by their
-    tracks."""
+    """known: each measurement names its object. hidden: measurements do not name objects, and trackers are scored by
+    their tracks."""
     fingerprints: list[str]
     """Fingerprint of all measurements of each run: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
     reference: ReferenceSummary | None
-    """Reference that errors are compared with; None with hidden identities."""
+    """Cramér-Rao reference that errors are compared with; None with hidden identities."""
     score: ScoreSummary
     recorded_run: int
     trackers: list[TrackerResult]
@@ -102,7 +102,7 @@ class Summary(ResultModel):
 
     @property
     def recorded_scene(self) -> int:
-        """Index of the recorded scene, from 0; if logs are cut into stretches, index of the log."""
+        """Index from 0 of the scene of the run whose estimates are kept; of the log, if logs are cut into stretches."""
         logs = len(self.truth.scenes) // max(self.truth.log_stretches, 1)
         return self.recorded_run * max(logs, 1) // self.runs
 
@@ -114,12 +114,12 @@ class Summary(ResultModel):
 
     @property
     def engine_in_words(self) -> str:
-        """Name of the engine in words, such as "numpy engine"."""
+        """Name of the engine that computed the trackers, with the noun, such as "numpy engine"."""
         return f"{self.engine} {'engines' if ' and ' in self.engine else 'engine'}"
 
     @property
     def held_against(self) -> ReferenceSummary:
-        """Reference that errors are compared with, in a result with known identities."""
+        """Cramér-Rao reference that errors are compared with, in a result with known identities."""
         assert self.reference is not None
         return self.reference
 
@@ -132,7 +132,7 @@ class Summary(ResultModel):
 
     @property
     def headline_name(self) -> str:
-        """Readable name of the metric that ranks trackers."""
+        """Name in text of the metric that ranks trackers: "position RMSE" or "T-GOSPA"."""
         return "position RMSE" if self.identities == "known" else "T-GOSPA"
 
     @property

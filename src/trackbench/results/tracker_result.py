@@ -1,4 +1,4 @@
-"""Result of one tracker, in ``result.json``."""
+"""Metrics, description, and failure or fault counts of one tracker, as ``result.json`` holds them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Failure(ResultModel):
     place: str | None = None
     """File, line and function in the tracker's code; None where they are unknown."""
     step: int
-    """Index of the instant, from 0."""
+    """Index from 0 of the instant at which the tracker failed."""
     time_s: float
     sensor: str | None
     run: int | None
@@ -40,7 +40,7 @@ class Failure(ResultModel):
 
 
 class Health(ResultModel):
-    """Counts of faults that did not end the run, such as diverged runs; None where they were not counted."""
+    """Counts of faults that did not end the run, such as diverged runs; None for a fault that was not counted."""
 
     diverged_runs: int | None = None
     repaired_covariances: int | None = None
@@ -56,7 +56,7 @@ class ConditionScores(ResultModel):
     """Errors and NEES of the estimates under one condition, such as a manoeuvre or a range band."""
 
     count: int
-    """Number of scored errors, of given and of missing estimates."""
+    """Number of scored errors: of estimates that were given and of missing estimates."""
     given: int
     """Number of errors of given estimates; the other errors are charged for missing estimates."""
     runs: int
@@ -70,7 +70,7 @@ class FiledRows(ResultModel):
 
     rows: int
     outside: int
-    """Number of rows in scored runs that are left out, as they are outside the time of the truth."""
+    """Number of rows in scored runs that are left out because their times are outside the time of the truth."""
     silent_runs: int
     """Number of runs without a row, in which all objects count as missed."""
     remarks: tuple[str, ...] = ()
@@ -109,11 +109,11 @@ class TrackerResult(ResultModel):
 
     name: str
     place: int = 0
-    """Index in the scenario file, from 0, which selects the colour."""
+    """Index from 0 of the tracker in the scenario file, which selects its colour."""
     describe: str
     use: str | tuple[str, ...] | None = None
     """Tracker as the scenario names it: ``"module:Class"``, a published name, or the words of a command. None for a
-    built-in filter, and in results that do not say it."""
+    built-in filter, and in older results, which do not hold it."""
     association: str | None = None
     """Method of data association of a built-in tracker with hidden identities; None for any other tracker."""
     baseline: bool = False
@@ -125,18 +125,22 @@ class TrackerResult(ResultModel):
     smoother: str | None = None
     """Smoother of a built-in filter, whose estimates use all measurements of the run; None for any other tracker."""
     engine: ComputedBy | None = None
-    """Engine that computed a built-in filter; None for any other tracker, and in results that do not say it."""
+    """Engine that computed a built-in filter; None for any other tracker, and in older results, which do not hold
+    it."""
     random: bool = False
-    """Whether the tracker declares that it draws random numbers, so that no second drive checks its estimates."""
+    """Whether the tracker declares that it uses random numbers, so that its estimates are not checked by a
+    repetition."""
     offline: bool = False
     """Whether the tracks were made by another program: nothing shows that it used no later measurements."""
     paired: bool = True
-    """False for tracks of another program that state no scans they were made of; these are compared with no tracker."""
+    """False for tracks of another program that state no scans they were made of; such tracks are compared with no other
+    tracker."""
     time_offset: MetricValue | None = None
-    """Time to add to the time stamps of another program's tracks for the least error along the path, s, beside a
+    """Time to add to the time stamps of another program's tracks for the least error along the path, s, together with a
     constant shift along the path. None for any other tracker."""
     offset_shown: bool = False
-    """Whether ``time_offset`` is shown to differ from 0 and makes up a part of the error that matters."""
+    """Whether ``time_offset`` differs from 0 with statistical significance and makes up a substantial part of the
+    error."""
     filed: FiledRows | None = None
     """Counts of the rows in the file of another program's tracks; None for any other tracker."""
     failed: Failure | None
@@ -144,8 +148,8 @@ class TrackerResult(ResultModel):
     """Metrics by dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
     health: Health
     conditions: dict[str, ConditionScores] = Field(default_factory=dict)
-    """Scores of all estimates, named "", and under each condition that occurred, such as "manoeuvre: braking". Empty
-    with hidden identities."""
+    """Errors and NEES of all estimates, with the key "", and under each condition that occurred, such as "manoeuvre:
+    braking". Empty with hidden identities."""
 
     @property
     def reference_kind(self) -> str:
@@ -165,7 +169,7 @@ class TrackerResult(ResultModel):
 
     @property
     def below_reference(self) -> bool:
-        """Whether the position error is shown to be below 0.97 of its reference (``LEAST_OVER_BOUND``)."""
+        """Whether the interval of position error over reference error is below 0.97 (``LEAST_OVER_BOUND``)."""
         ratio = self.metrics.get("position_over_reference")
         return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
 
@@ -176,7 +180,7 @@ class TrackerResult(ResultModel):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Words shown beside the tracker's name, such as "random" for one that draws random numbers."""
+        """Words shown beside the tracker's name, such as "random" for a tracker that uses random numbers."""
         words = self.reference_kind, "random" if self.random else "", "offline" if self.offline else ""
         return tuple(filter(None, words))
 

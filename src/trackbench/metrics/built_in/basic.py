@@ -1,4 +1,4 @@
-"""Built-in metrics of estimates, computed from the sums that they share."""
+"""Built-in metrics of estimates (RMSE, NEES, NIS, whiteness, coverage), computed from sums that they share."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ class Whiteness(EstimateMetric):
 
 
 class OverReference(EstimateMetric):
-    """Ratio of a root mean square error to the reference error, both over the same estimates."""
+    """Ratio of an RMSE to the error of the Cramér-Rao reference, both over the same estimates."""
 
     unit, better = "1", "smaller"
     rows: ClassVar[tuple[str, ...]]

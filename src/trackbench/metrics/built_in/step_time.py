@@ -20,7 +20,7 @@ class StepTime(Metric):
     of_squares = True
 
     def init(self, scope: Scope) -> Array:
-        """Return zeros: seconds in the tracker, and number of steps."""
+        """Return two sums of zero: the computing time of the tracker, s, and its number of steps."""
         return np.zeros(2)
 
     def update(self, sums: Array, part: Any) -> Array:

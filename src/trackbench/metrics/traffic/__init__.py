@@ -1,6 +1,7 @@
 """Scores of tracks with hidden identities: which object each track is on, how well, how long, with which switches.
 
-They are pure functions of one run's histories; :func:`score_run` computes all, ``TRACK_METRICS`` has their meanings.
+The scores are pure functions of one run's true states and tracks. :func:`score_run` computes all of them, and
+``TRACK_METRICS`` explains each.
 """
 
 from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TrafficScoreOptions, TruthHistory

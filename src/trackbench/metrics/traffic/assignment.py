@@ -1,4 +1,4 @@
-"""Objects and tracks of a run, the near pairs of them, and those that count: computed once for all scores."""
+"""Objects and tracks of a run, pairs of object and track that are near each other, and the tracks that are scored."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class TrafficScoreOptions(NamedTuple):
     """Criteria by which tracks are scored: cutoff distance, and cost of an identity switch."""
 
     cutoff: float = 5.0
-    """Cutoff distance of GOSPA, m. At this distance the similarity of HOTA is 0; a track at half of it or nearer is on
-    the object."""
+    """Cutoff distance of GOSPA, m. At this distance the similarity of HOTA is 0; a track within half the cutoff
+    distance is on the object."""
     switch_costs: float = 0.5
     """Time of missing an object that costs as much in T-GOSPA as an identity switch, s."""
 
@@ -40,8 +40,8 @@ class TruthHistory(NamedTuple):
     status: Status
     """``(T, N)``: ``ABSENT``, ``OPTIONAL`` (a track on the object is neither right nor wrong) or ``DUE``."""
     at_tracks: Array | None = None
-    """``(4, T, N, K)`` true states at the time stamp of each track; None if all tracks of an instant have the same
-    one."""
+    """``(4, T, N, K)`` true states at the time stamp of each track; None if all tracks of an instant have the same time
+    stamp."""
 
     def within(self, span: slice) -> TruthHistory:
         """Return the objects at the instants that the slice ``span`` selects."""
@@ -49,14 +49,14 @@ class TruthHistory(NamedTuple):
         return TruthHistory(self.time[span], self.state[:, span], self.status[span], at_tracks)
 
     def at(self, instant: Indices, item: Indices, column: Indices) -> Array:
-        """Return true states ``(4, P)`` of P objects at P instants, at the time stamps of the tracks in P columns."""
+        """Return true states ``(4, P)`` of P objects at P instants, each at the time stamp of the track in a column."""
         if self.at_tracks is not None:
             return self.at_tracks[:, instant, item, column]
         return self.state[:, instant, item]
 
 
 class TrackHistory(NamedTuple):
-    """Tracks that a tracker gave at T instants. The K columns have no meaning: a track may change its column."""
+    """Tracks that a tracker gave at T instants. The K columns have no meaning: a track can change its column."""
 
     ids: Indices
     """``(T, K)`` id of the track in each column, -1 where a column is empty."""
@@ -77,20 +77,20 @@ class Associations(NamedTuple):
     """Detection that each track took in each of S scans, and the object that caused it."""
 
     instant: Indices
-    """``(S,)`` instant of each scan, in order."""
+    """``(S,)`` index of the instant of each scan, in increasing order."""
     ids: Indices
     """``(S, K)`` ids of the tracks after the scan, -1 where a column is empty."""
     origin: Indices
-    """``(S, K)`` object that caused the detection of each track, ``FALSE_ALARM``, or ``NO_DETECTION`` where the track
-    took none."""
+    """``(S, K)`` index of the object that caused the detection of each track, ``FALSE_ALARM``, or ``NO_DETECTION``
+    where the track took none."""
     detected: Mask
-    """``(S, N)`` objects that caused a detection in the scan."""
+    """``(S, N)`` whether each object caused a detection in each scan."""
     merged: Indices | None = None
-    """``(S, K)`` second object of a detection that two objects caused, else negative; None if no detections are
-    merged."""
+    """``(S, K)`` index of the second object of a track's detection that two objects caused, else negative; None if no
+    detections are merged."""
 
     def within(self, span: slice) -> Associations:
-        """Return the scans at the instants from ``span.start`` up to ``span.stop``."""
+        """Return the scans at the instants of the slice ``span``; the first instant of ``span`` becomes 0."""
         scans = slice(*np.searchsorted(self.instant, [span.start, span.stop]))
         merged = None if self.merged is None else self.merged[scans]
         return Associations(
@@ -115,7 +115,7 @@ def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, ro
 
 
 def equal_stretches(group: Indices) -> list[slice]:
-    """Return the slices of successive entries that are equal."""
+    """Return a slice for each stretch of equal neighbouring values of ``group``."""
     if not len(group):
         return []
     ends = [*(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
@@ -123,20 +123,20 @@ def equal_stretches(group: Indices) -> list[slice]:
 
 
 def among(values: Indices, chosen: Indices) -> Mask:
-    """Return a mask of the ``values`` that are among the ``chosen`` ones; all are 0 or more."""
+    """Return a mask of the ``values`` that occur in ``chosen``; all values must be 0 or more."""
     mark = np.zeros(values.max() + 1, dtype=bool)
     mark[chosen] = True
     return mark[values]
 
 
 def last_instant(mask: Mask) -> Indices:
-    """Return for each instant the last one up to and including it where ``mask`` is True, ``(T, ...)``; -1 for none."""
+    """Return the index of the latest True in ``mask`` at or before each instant, ``(T, ...)``; -1 for none."""
     steps = np.arange(len(mask)).reshape(-1, *[1] * (mask.ndim - 1))
     return np.asarray(np.maximum.accumulate(np.where(mask, steps, -1), axis=0))
 
 
 def last_instant_before(mask: Mask) -> Indices:
-    """Return for each instant the last earlier one where ``mask`` is True, ``(T, ...)``; -1 for none."""
+    """Return the index of the latest True in ``mask`` strictly before each instant, ``(T, ...)``; -1 for none."""
     return np.concatenate([np.full((1, *mask.shape[1:]), -1), last_instant(mask)[:-1]])
 
 
@@ -150,14 +150,14 @@ class NearPairs(NamedTuple):
     instant: Indices
     object: Indices
     column: Indices
-    """Column of the track in the history."""
+    """``(P,)`` column of each pair's track in the arrays ``(T, K)`` of tracks."""
     track: Indices
-    """Number of the track: one number for each id."""
+    """``(P,)`` number of each pair's track: each id has a number from 0."""
     distance: Array
-    """Distance between object and track, m."""
+    """``(P,)`` distance between object and track of each pair, m."""
 
     def where(self, mask: Mask) -> NearPairs:
-        """Return the pairs that ``mask`` selects."""
+        """Return the pairs that ``mask`` ``(P,)`` selects."""
         return NearPairs(
             self.instant[mask], self.object[mask], self.column[mask], self.track[mask], self.distance[mask]
         )
@@ -177,21 +177,21 @@ class Nearby(NamedTuple):
     """All objects and tracks of a run, and the pairs of them that are within the cutoff of each other."""
 
     cutoff: float
-    """Largest distance of a pair, m."""
+    """Largest distance between object and track in ``pairs`` and ``optional``, m."""
     due: Mask
-    """``(T, N)`` where an object is due."""
+    """``(T, N)`` where an object is due, that is, must be tracked."""
     there: Mask
     """``(T, K)`` where a column has a track."""
     track: Indices
-    """``(T, K)`` number of each track, -1 where a column is empty."""
+    """``(T, K)`` number from 0 of the track in each column, -1 where a column is empty."""
     ids: Indices
-    """``(tracks,)`` id of the track with each number."""
+    """``(tracks,)`` id of each track, by its number from 0."""
     pairs: NearPairs
     """Pairs of a due object and a track within the cutoff."""
     optional: NearPairs
-    """Pairs of an optional object and a track within the cutoff."""
+    """Pairs of an optional object, which need not be tracked, and a track within the cutoff."""
     unscored: Mask
-    """``(T, K)`` tracks in places that are not scored; there a track counts only if it is on a due object."""
+    """``(T, K)`` where a track is in a place that is not scored; such a track counts only if it is on a due object."""
 
 
 class Counted(NamedTuple):
@@ -202,13 +202,13 @@ class Counted(NamedTuple):
     reach: float
     """Largest distance of a matched pair, m."""
     due: Mask
-    """``(T, N)`` where an object is due."""
+    """``(T, N)`` where an object is due, that is, must be tracked."""
     present: Mask
-    """``(T, K)`` where a track counts."""
+    """``(T, K)`` where a track is scored."""
     track: Indices
-    """``(T, K)`` number of each track, -1 where a column is empty."""
+    """``(T, K)`` number from 0 of the track in each column, -1 where a column is empty."""
     ids: Indices
-    """``(tracks,)`` id of the track with each number."""
+    """``(tracks,)`` id of each track, by its number from 0."""
     pairs: NearPairs
     """Pairs, within the cutoff, of a due object and a track that counts."""
     matched: NearPairs
@@ -239,7 +239,7 @@ class Counted(NamedTuple):
 
 
 def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: Mask | None = None) -> Nearby:
-    """Return pairs of objects and tracks within ``cutoff``, m; ``unscored``: ``(T, K)`` tracks in unscored places."""
+    """Return pairs of objects and tracks within ``cutoff``, m; ``unscored``: ``(T, K)`` tracks not scored."""
     ids, track = _numbered(tracks.ids)
     there, exists = track >= 0, truth.status > ABSENT
     objects = _where(truth.state[:2], exists)
@@ -278,7 +278,7 @@ def count_by_gospa(near: Nearby) -> Counted:
 
 
 def excuse_tracks(near: Nearby, chosen: Mask, reach: float) -> Counted:
-    """Leave out the tracks that are on optional objects, or in places that are not scored.
+    """Return objects and tracks without the tracks on optional objects or in places that are not scored.
 
     The tracks without a due object are matched one-to-one with the optional objects within ``reach`` m, so that the sum
     of the distances is smallest. Tracks with an optional object are neither right nor wrong, and do not count.

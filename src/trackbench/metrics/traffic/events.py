@@ -28,20 +28,20 @@ def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.in
 
 
 class Stretches(NamedTuple):
-    """Stretches ``(S,)`` of instants at which an object or a track, the owner, always or never has a partner."""
+    """Stretches ``(S,)`` of instants at which an object or a track, the owner, always or never has a match."""
 
     owner: Indices
-    """Number of the object or track whose stretch it is, in increasing order."""
+    """``(S,)`` number of the object or track that owns each stretch, in increasing order."""
     paired: Mask
-    """Whether the owner has a partner in the stretch."""
+    """``(S,)`` whether the owner is matched throughout each stretch; else it never is in the stretch."""
     start: Indices
-    """First instant of each stretch."""
+    """``(S,)`` index of the first instant of each stretch."""
     before: Indices
-    """Last instant of the owner before each stretch, -1 for the first stretch of the owner."""
+    """``(S,)`` index of the owner's last instant before each stretch, -1 for the first stretch of the owner."""
     cost: Array
-    """Sum of the owner's costs over the instants of each stretch."""
+    """``(S,)`` sum of the owner's costs over the instants of each stretch, in the unit of the given costs."""
     last: Mask
-    """Whether each stretch is the last one of its owner."""
+    """``(S,)`` whether each stretch is the last stretch of its owner."""
 
 
 def _paired_stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
@@ -74,7 +74,7 @@ class _Partners(NamedTuple):
     column: Indices
     """``(T, N)`` column of the track that each object is matched with; ``NONE`` for none."""
     object: Indices
-    """``(T, K)`` object that the track in each column is matched with; ``NONE`` for none."""
+    """``(T, K)`` index of the object that the track in each column is matched with; ``NONE`` for none."""
 
     def add(self, pairs: NearPairs) -> None:
         self.column[pairs.instant, pairs.object] = pairs.column
@@ -82,11 +82,12 @@ class _Partners(NamedTuple):
 
 
 def _event_costs(of_gospa: Counted, of_clear: Counted) -> Costs:
-    """Assign half of the squared cutoff for each due object and each track that GOSPA leaves without a partner.
+    """Return the cost in GOSPA of each missed object and each false track, assigned to objects and tracks by CLEAR.
 
-    Events follow the matching of CLEAR. An object without a partner in GOSPA may have one in CLEAR, whose partner in
-    GOSPA is another object with a partner in CLEAR, and so on. The last object of this chain has none in CLEAR and gets
-    the cost. Tracks are treated alike.
+    Each due object and each track that GOSPA leaves without a match costs half of the squared cutoff. Events follow the
+    matching of CLEAR. An object without a track in GOSPA can have a track in CLEAR, which GOSPA matches with another
+    object, which again can have a track in CLEAR, and so on. The last object of this chain has no track in CLEAR and
+    gets the cost. Tracks are treated alike.
     """
     half, due, track = of_gospa.cutoff**2 / 2, of_gospa.due, of_gospa.track
     gospa, clear = (_Partners(np.full(due.shape, NONE), np.full(track.shape, NONE)) for _ in range(2))
@@ -104,7 +105,7 @@ def _event_costs(of_gospa: Counted, of_clear: Counted) -> Costs:
 
 
 def _last_of_chain(instant: Indices, item: Indices, partner: Indices, owner: Indices) -> Indices:
-    """Go from each object (or track) to the owner of its partner, and on, until the partner has no other owner."""
+    """Return the last object (or track) of the chain of matches, in CLEAR and GOSPA by turns, that each one starts."""
     item, moving = item.copy(), np.arange(len(item))
     while len(moving):
         other = partner[instant[moving], item[moving]]
@@ -123,12 +124,12 @@ class TrafficEvent(NamedTuple):
 
     kind: EventKind
     """born: first instant of a track. confirmed: an object gets its first track. switched: an object has another track
-    than it had last. lost: an object that should be tracked loses its track, or never gets one. merged: an object is
-    lost, and its former track is near an object that has another track. false: a track begins to be on no object.
-    fragmented: a lost object is tracked again."""
+    than before. lost: an object that should be tracked loses its track, or never gets one. merged: an object is lost,
+    and its former track is near an object that has another track. false: a track begins to be on no object. fragmented:
+    a lost object is tracked again."""
     instant: int
     time: float
-    """Time of the instant, s."""
+    """Time of the event, s."""
     track: int
     """Id of the track that the event is about, -1 where there is none."""
     object: int
@@ -136,7 +137,7 @@ class TrafficEvent(NamedTuple):
     other_track: int
     """switched: id of the former track; merged: id of the other object's track; else -1."""
     other_object: int
-    """Index of a second object. switched, lost: object to which the object's former track is assigned now; merged:
+    """Number of a second object. switched, lost: object to which the object's former track is assigned now; merged:
     object near that track. -1 for other kinds of event."""
     x: float
     """x of the object, or of the track where there is no object, m."""
@@ -155,13 +156,13 @@ class _MatchedRun(NamedTuple):
     track_of: Indices
     """``(T, N)`` number of the track of each object, -1 for none."""
     object_of: Indices
-    """``(T, tracks)`` due object that each track is on, -1 for none."""
+    """``(T, tracks)`` index of the due object that each track is on, -1 for none."""
     optional_of: Indices
-    """``(T, tracks)`` optional object that each track is on, -1 for none."""
+    """``(T, tracks)`` index of the optional object that each track is on, -1 for none."""
     column_of: Indices
-    """``(T, tracks)`` column of each track in the history, -1 where the track is missing."""
+    """``(T, tracks)`` column of each track in the arrays ``(T, K)`` of tracks, -1 where the track is missing."""
     counts: Mask
-    """``(T, tracks)`` where the track counts."""
+    """``(T, tracks)`` where the track is scored."""
     costs: Costs
 
     def event(
@@ -175,7 +176,7 @@ class _MatchedRun(NamedTuple):
         other_track: int = NO_TRACK,
         other_object: int = NOBODY,
     ) -> TrafficEvent:
-        """Make an event; ``track`` and ``other_track`` are numbers of tracks, which become ids."""
+        """Return an event of a track or object; the numbers ``track`` and ``other_track`` become track ids."""
         if item != NOBODY:
             x, y = self.truth.state[:2, instant, item].tolist()
         else:
@@ -194,7 +195,9 @@ def events(
     changes: Switches,
     switch: float,
 ) -> tuple[TrafficEvent, ...]:
-    """Return the events of a run in the order of time; costs other than of switches add up to GOSPA's missed and false.
+    """Return births, confirmations, losses, switches and other events of a run in the order of time.
+
+    The costs of events other than switches add up to the missed and false parts of GOSPA.
 
     Args:
         truth: true states of the objects.

@@ -20,20 +20,20 @@ NO_TRACK = NOBODY = -1
 
 
 class Switches(NamedTuple):
-    """Identity switches ``(switches,)``, ordered by object: an object has another track than it had last."""
+    """Identity switches ``(switches,)``, ordered by object: an object has another track than before."""
 
     instant: Indices
     object: Indices
     before: Indices
     after: Indices
-    """Number of the object's track after the switch; ``before`` is the one before."""
+    """Number of the object's track after each switch; ``before`` holds the track before the switch."""
 
 
 def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) -> Mask:
-    """Match objects and tracks at each instant: first the near pairs that were matched before, then the nearest.
+    """Match objects and tracks at each instant: first pairs matched at earlier instants, then the nearest pairs.
 
-    With misses FN, false tracks FP and switches IDSW, MOTA = 1 - (FN + FP + IDSW) / due instants. Source: Bernardin
-    and Stiefelhagen (2008), "Evaluating multiple object tracking performance: the CLEAR MOT metrics", section 2.1.1. An
+    With misses FN, false tracks FP and switches IDSW, MOTA = 1 - (FN + FP + IDSW) / due instants. Source: Bernardin and
+    Stiefelhagen (2008), "Evaluating multiple object tracking performance: the CLEAR MOT metrics", section 2.1.1. An
     instant without objects or without tracks is passed over, as in TrackEval.
 
     Args:
@@ -43,7 +43,7 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
         tracks: ``(T, K)`` where a column has a track.
 
     Returns:
-        ``(P,)`` which pairs are matched.
+        ``(P,)`` mask of the pairs that are matched.
     """
     rows, columns = objects.shape[1], tracks.shape[1]
     at_object, at_column = pairs.instant * rows + pairs.object, pairs.instant * columns + pairs.column
@@ -99,9 +99,9 @@ class HotaScores(NamedTuple):
 
     hota: Array
     detection: Array
-    """Detection accuracy DetA."""
+    """``(19,)`` detection accuracy DetA at each threshold."""
     association: Array
-    """Association accuracy AssA."""
+    """``(19,)`` association accuracy AssA at each threshold."""
 
 
 def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_counts: Indices) -> HotaScores:
@@ -109,7 +109,8 @@ def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_coun
 
     DetA = TP / (TP + FN + FP), and AssA is the mean over matched pairs of TPA / (TPA + FNA + FPA). Source: Luiten et
     al. (2021), "HOTA: A higher order metric for evaluating multi-object tracking", International Journal of Computer
-    Vision 129, with the matching of its public code: pairs that go together over the whole run are preferred.
+    Vision 129, with the matching of its public code: pairs of an object and a track that are near each other for much
+    of the run are preferred.
 
     Args:
         pairs: P pairs of an object and a track at an instant, at least all with a similarity above zero.
@@ -145,7 +146,7 @@ def _jaccard(pairs: NearPairs, similarity: Array, objects: int, tracks: int) -> 
 
 
 def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) -> tuple[int, int, int]:
-    """Match objects and tracks one-to-one for the whole run, with most instants together.
+    """Match objects and tracks one-to-one for the whole run, so that they are together at most instants, for IDF1.
 
     IDF1 = 2 IDTP / (2 IDTP + IDFP + IDFN). Source: Ristani et al. (2016), "Performance measures and a data set for
     multi-target, multi-camera tracking".

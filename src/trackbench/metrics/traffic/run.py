@@ -1,4 +1,4 @@
-"""All scores of the tracks of one run."""
+"""Scores of the tracks of one run: GOSPA, T-GOSPA, CLEAR, HOTA, IDF1, events and errors."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ ROUNDING = 1e-12
 
 
 class RunScores(NamedTuple):
-    """Scores of the tracks of one run: metrics, GOSPA over time, events, and states of the objects."""
+    """Scores of the tracks of one run: metrics, GOSPA at each instant, events, and which objects are tracked when."""
 
     values: RunSums
-    """Total and number of terms of each metric, by dotted path. A metric that the run cannot tell is left out.
+    """Total and number of terms of each metric, by dotted path. A metric without a value in the run is left out.
     ``confirm_latency``: total of all waiting times, also of waits in vain; count of the objects that get a track."""
     gospa: GospaParts
     """Parts of squared GOSPA at each instant, ``(T,)`` m^2."""
@@ -64,12 +64,13 @@ class RunScores(NamedTuple):
     strips: npt.NDArray[np.int8]
     """``(T, N)`` state of each object at each instant, such as waiting, tracked or lost."""
     until: tuple[RunSums, ...] = ()
-    """Values of the run up to each end of a stretch of time; empty where the run is not cut."""
+    """Values, as in ``values``, from the start of the run up to the end of each stretch of time; empty where the run is
+    not cut."""
     on: Sequence[NearPairs] = ()
     """Pairs of a track and the object that the track is on, due or optional."""
 
     def without_false_tracks(self) -> RunScores:
-        """Return the scores without metrics that count tracks on no object, for a truth that lacks some objects."""
+        """Return the scores without metrics of false tracks, for a ground truth that lacks some real objects."""
         values, *until = (
             {path: sums for path, sums in each.items() if path not in OF_FALSE_TRACKS}
             for each in (self.values, *self.until)
@@ -85,7 +86,7 @@ class RunScores(NamedTuple):
 
 
 class TrackedRun(NamedTuple):
-    """Run, or stretch of a run, that a metric of tracks gets; the arrays must not be changed."""
+    """Truth, tracks and scores of a run, or stretch of a run, for a metric of tracks; arrays must not be changed."""
 
     truth: TruthHistory
     tracks: TrackHistory
@@ -94,7 +95,8 @@ class TrackedRun(NamedTuple):
     scores: RunScores
     """Scores that the built-in metrics are computed from."""
     unscored: Mask | None = None
-    """``(T, K)`` tracks in places that are not scored: outside a region, out of range, or on a don't-care box."""
+    """``(T, K)`` where a track is in a place that is not scored: outside a region, out of range, or on a don't-care
+    box."""
     bodies: EgoScene | None = None
     """Motion of the vehicle that carries the sensors, and sizes of the objects."""
     seconds: float = 0.0
@@ -111,7 +113,7 @@ def score_run(
     unscored: Mask | None = None,
     ends: Sequence[int] = (),
 ) -> RunScores:
-    """Return the total and count of every metric of tracks that the run can tell, and the events of the run.
+    """Return the scores of the tracks of a run: sum and number of terms of each metric, GOSPA, events, object states.
 
     Args:
         truth: true states of the objects.
@@ -119,7 +121,8 @@ def score_run(
         options: criteria by which a track is scored.
         associations: the detections that the tracks took; None where the tracker does not say.
         unscored: ``(T, K)`` tracks in places that are not scored.
-        ends: instants; the metrics of the run up to each of them are returned too.
+        ends: indices of instants; the metrics from the start of the run up to each of these instants are added as
+            ``until``.
     """
     options = options or TrafficScoreOptions()
     near = nearby(truth, tracks, options.cutoff, unscored)
@@ -193,7 +196,7 @@ def _run_sums(
 
 
 def count_by_clear(near: Nearby) -> Counted:
-    """Match due objects and tracks as in CLEAR within half of the cutoff, and return what counts for CLEAR and HOTA."""
+    """Match due objects and tracks as in CLEAR within half of the cutoff, and return the scored objects and tracks."""
     alike = similarity(near.pairs.distance, near.cutoff)
     on = alike >= LEAST_SIMILARITY
     chosen = on.copy()
@@ -205,16 +208,16 @@ METRICS = TRACK_METRICS | DETECTION_METRICS
 
 
 def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
-    """Cut a run into the stretches that end before these instants; their sums add up to the sums of the run.
+    """Cut a run into stretches that end before the instants ``ends``; the stretches' sums add up to the run's sums.
 
     The sums of a stretch are the sums of the run up to its end less those up to its start. So a switch between two
     stretches counts once, and a track that goes on is the same track. If a later stretch lowers a sum, such as the
-    number of objects that are never tracked, the excess is not counted before. For a metric with one value in a run,
-    the value up to an instant is weighted by the time up to it.
+    number of objects that are never tracked, earlier stretches do not count the excess. For a metric with one value in
+    a run, the value up to an instant is weighted by the time up to it.
 
     Args:
         run: run with the values ``until`` each of the ends.
-        ends: instants, the last of them the number of instants.
+        ends: indices of instants, the last of them the number of instants.
     """
     added = {path: _added(path, run.scores.until, np.array(ends) / ends[-1]) for path in run.scores.values}
     parts, starts = [], [0, *ends[:-1]]
@@ -241,7 +244,10 @@ def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
 
 
 def _added(path: str, until: Sequence[RunSums], share: Array) -> Array:
-    """Return what each stretch adds to total and count, ``(2, stretches)``; ``share``: of the time up to each end."""
+    """Return what each stretch adds to a metric's sum and number of terms, ``(2, stretches)``.
+
+    ``share`` is the share of the run's time up to the end of each stretch.
+    """
     sums = np.array([values.get(path, (0.0, 0.0)) for values in until]).T
     metric = METRICS[path]
     if metric.combine == "mean":

@@ -47,15 +47,16 @@ class SceneRuns(NamedTuple):
     due: Due
     sensors: Sequence[IdealSensor]
     runs: range
-    """Numbers of the runs within the scene."""
+    """Numbers of these runs, counted within the scene."""
     first: int
-    """Number of the first run among the runs that the tracker takes at once."""
+    """Number of the first of these runs, counted among the runs of all scenes that the tracker takes at once."""
     number: int
-    """Number of the first run among the runs of the whole scenario."""
+    """Number of the first of these runs, counted among the runs of the whole scenario."""
     recorded: int | None
-    """Index of the run whose tracks are kept, counted from the first of these runs; None if it is not among them."""
+    """Index of the run whose tracks are kept, counted from the first of these runs; None if that run is not among these
+    runs."""
     shown: bool
-    """Whether the scene is the one that the recording shows."""
+    """Whether the recording displays this scene."""
 
     @property
     def unlabelled(self) -> bool:
@@ -63,7 +64,7 @@ class SceneRuns(NamedTuple):
         return any(sensor.detections is not None for sensor in self.sensors)
 
     def truth_at(self, time: Array, run: int) -> TruthHistory:
-        """Return the truth at the instants ``time`` ``(T,)`` s; ``run`` counts from the first of these runs."""
+        """Return the truth in a run at the instants ``time`` ``(T,)`` s; ``run``: index of the run within ``runs``."""
         number = self.runs.start + run
         state = self.scored.state_of_run(number)[:, self.due.steps]
         return TruthHistory(time, state, of_runs(self.due.status, range(number, number + 1))[..., 0])
@@ -71,12 +72,12 @@ class SceneRuns(NamedTuple):
 
 @dataclass
 class RecordedTracks:
-    """Tracks of one tracker in the recorded run."""
+    """Tracks of one tracker in the recorded run, the run whose tracks are kept and shown."""
 
     history: TrackHistory
     taken: Indices | None = None
     """``(rows, 3)`` index of the scan, id of the track, and index of the detection that the track took; None unless the
-    recording shows the scene."""
+    recording shows the run's scene."""
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """Tracks that a built-in tracker predicts for each scan, by index of the scan."""
     tracked: TrackedRun | None = None
@@ -105,7 +106,7 @@ class TrackScorer:
         metrics: metrics to compute.
         options: criteria by which a track is scored.
         ends: instants before which the stretches of a log end; empty where the log is not cut.
-        counted: numbers of the stretches that are scored.
+        counted: indices of the stretches that are scored.
     """
 
     def __init__(
@@ -122,7 +123,7 @@ class TrackScorer:
         self._tracker, self._time, self._measurements, self._scenes = tracker, time, measurements, scenes
         self._metrics, self._options, self._ends, self._counted = metrics, options, ends, counted
         self.tracks_at: list[Tracks] = []
-        """Tracks that the tracker gave at each instant."""
+        """Tracks that the tracker gave in all runs, one element for each instant."""
         self._taken: list[tuple[int, Tracks, int]] = []
         with_prediction = [
             scene.first + run
@@ -158,7 +159,7 @@ class TrackScorer:
             self.tracks_at.append(answer)
 
     def close(self, histories: Histories | None = None) -> list[ScoredTracks]:
-        """Return the scores of each scene, from ``histories`` if given, else from the answers that ``take`` added."""
+        """Return sums and recorded tracks of each scene, from ``histories`` or, if None, from answers to ``take``."""
         taken = self._associations() if self._scenes[0].truth.known else None
         histories = histories or self._histories()
         return [self._scored_scene(scene, histories, taken) for scene in self._scenes]
@@ -256,8 +257,8 @@ class TrackScorer:
 def reused_ids(tracks: TrackHistory, time: Array, cutoff: float) -> int:
     """Count the ids that a tracker used for a second track elsewhere; ``time`` is ``(T,)`` s.
 
-    A track that was not reported for a while returns where its velocity takes it: within ``cutoff``, m, and four of its
-    stated standard deviations. An id that returns farther away was used again.
+    A track that was not reported for a while is predicted with its last velocity. If the id returns farther from there
+    than ``cutoff``, m, and four stated standard deviations of the track, the id was used again.
     """
     instant, column = np.nonzero(tracks.ids != NO_TRACK)
     order = np.argsort(tracks.ids[instant, column], kind="stable")

@@ -1,4 +1,4 @@
-"""GOSPA of sets of positions."""
+"""GOSPA (generalized optimal sub-pattern assignment) between the positions of objects and of tracks."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ class GospaParts(NamedTuple):
     """Parts of GOSPA to the power p at each instant, ``(T,)``; GOSPA is the p-th root of their sum."""
 
     localisation: Array
-    """Sum of the distances of matched pairs to the power p."""
+    """``(T,)`` sum over matched pairs of the distance to the power p."""
     missed: Array
-    """``c^p / 2`` for each object without a track."""
+    """``(T,)`` cost of missed objects: ``c^p / 2`` times the number of objects without a track."""
     false: Array
     """``(T,)`` cost of false tracks: ``c^p / 2`` times the number of tracks without an object."""
 
     @property
     def total(self) -> Array:
-        """``(T,)`` sum of the three parts."""
+        """``(T,)`` GOSPA to the power p at each instant: the sum of localisation, missed and false."""
         return self.localisation + self.missed + self.false
 
 
@@ -43,13 +43,13 @@ def gospa(counted: Counted) -> GospaParts:
 def parts_of_matching(
     instant: Indices, distance: Array, objects: Indices, tracks: Indices, cutoff: float, p: float
 ) -> GospaParts:
-    """Return the parts of GOSPA to the power p.
+    """Return the parts of GOSPA to the power p at each of T instants: localisation, missed objects, false tracks.
 
     Args:
-        instant: ``(P,)`` instant of each matched pair.
+        instant: ``(P,)`` index of the instant of each matched pair.
         distance: ``(P,)`` distance of each matched pair, m.
-        objects: ``(T,)`` number of objects.
-        tracks: ``(T,)`` number of tracks.
+        objects: ``(T,)`` number of objects at each instant.
+        tracks: ``(T,)`` number of tracks at each instant.
         cutoff: cutoff distance c, m.
         p: exponent of the distances.
     """

@@ -31,7 +31,7 @@ class TrackSums:
         return sums
 
     def close(self, sums: list[Array]) -> Array:
-        """Return total and count of each path in each run, ``(runs, 2, paths)``."""
+        """Return the sums and numbers of terms in each run, by metric path, ``(runs, 2, paths)``."""
         return np.array(sums)
 
     def merge(self, blocks: Sequence[Array]) -> Array:
@@ -42,15 +42,16 @@ TRACKS = TrackSums()
 
 
 class RunRatio(Metric):
-    """Metric of tracks that is a ratio of two sums over each run: a total, and the number of its terms."""
+    """Metric of tracks that is a ratio of two sums over each run: a quantity's total, and its number of terms."""
 
     needs: ClassVar[Set[str]] = frozenset({"tracks", "truth"})
     shared: ClassVar[Accumulator | None] = TRACKS
     combine: ClassVar[Combine] = "ratio"
-    """How runs combine: ratio of the sums; root of that ratio; or mean of the values of the runs, each with count 1."""
+    """How runs combine. ratio: of the sums over all runs; root: square root of this ratio; mean: of the values of the
+    runs, each with count 1."""
     at_least: ClassVar[float] = 0.0
     fewest: ClassVar[float] = 50
-    """Least number of runs of one scene with which the interval is calibrated
+    """Least number of runs of one scene with which the interval has its stated coverage
     (``benchmarks/calibration/traffic.py``)."""
     localises: ClassVar[bool] = False
     """Whether the metric's total contains the squared distance of each matched track."""
@@ -66,7 +67,10 @@ class RunRatio(Metric):
         return f"{self.name}_total", f"{self.name}_count"
 
     def reference_axes(self, path: str, sums: Array) -> float:
-        """Return twice the mean number of matched tracks at an instant, if their squared distances are summed."""
+        """Return twice the mean number of matched tracks per instant if the metric sums their squared distances.
+
+        The result is the number of axes whose squared errors of the truth add to the squared metric.
+        """
         if not self.localises:
             return super().reference_axes(path, sums)
         matched, instants = run_sums(sums, "matched_share")[0].sum(), run_sums(sums, path)[1].sum()
@@ -85,7 +89,7 @@ class RunRatio(Metric):
 
 
 def run_sums(sums: Array, path: str) -> Array:
-    """Return total and count of a metric in each run, ``(2, runs)``, from the sums ``(runs, 2, paths)``."""
+    """Return sum and number of terms of a metric in each run, ``(2, runs)``, from the sums ``(runs, 2, paths)``."""
     return np.asarray(sums[:, :, PATHS.index(path)].T)
 
 

@@ -1,4 +1,4 @@
-"""T-GOSPA: GOSPA of whole trajectories, in which a change of an object's track costs too."""
+"""T-GOSPA: GOSPA of whole trajectories, in which a change of an object's track adds a cost."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ class ObjectTrackPairs(NamedTuple):
     object: Indices
     track: Indices
     gain: Array
-    """``(T, E)`` cost that is saved by assigning the object and the track to each other."""
+    """``(T, E)`` cost that is saved at each instant by assigning each pair's object and track to each other, m^2."""
 
 
 class Presolved(NamedTuple):
-    """Masks ``(T, E)`` of pairs that every optimum assigns, and of undecided pairs; other pairs are in no optimum."""
+    """Masks ``(T, E)`` of pairs that every optimal assignment has, and of undecided pairs; other pairs are in none."""
 
     assigned: Mask
     open: Mask
 
 
 def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
-    """Find the pairs that every optimum assigns at an instant.
+    """Return masks of the pairs that every optimal assignment has at each instant, and of the undecided pairs.
 
-    A pair has an advantage where it gains more than the best other pairs of its object and of its track together.
-    Take a stretch of instants without a disadvantage. To assign the pair from the start of the stretch, or up to its
-    end, costs at most three changes there: the pair begins or ends, and its object and its track each leave or take
-    another. So the pair is assigned at every instant up to which, and from which on, its advantages in the stretch sum
-    to more than these changes. There is no such cost where the run begins and ends.
+    A pair has an advantage where it gains more than the best other pairs of its object and of its track together. Take
+    a stretch of instants without a disadvantage. To assign the pair from the start of the stretch, or up to its end,
+    costs at most three changes there: the pair begins or ends, and its object and its track each leave or take another.
+    So the pair is assigned at every instant up to which, and from which on, its advantages in the stretch sum to more
+    than these changes. Changes cost nothing where the run begins and ends.
 
     Args:
         pairs: pairs with a gain of 0 or more.
@@ -52,14 +52,14 @@ def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
 
 
 def _since(advantage: Array) -> Array:
-    """Sum the advantage over the instants since the last one with a disadvantage; infinite where there was none."""
+    """Sum the advantage over the instants since the last disadvantage; infinite where no disadvantage came before."""
     total = np.cumsum(advantage, axis=0)
     last = last_instant(advantage < 0)
     return np.where(last < 0, np.inf, total - np.take_along_axis(total, np.maximum(last, 0), axis=0))
 
 
 def _rivals(gain: Array, owner: Indices) -> Array:
-    """Return, for each pair, the best gain among other pairs of the same owner, ``(T, E)``; 0 if there are none."""
+    """Return, for each pair, the best gain among other pairs of the pair's owner, ``(T, E)``; 0 if there are none."""
     rivals = np.zeros_like(gain)
     for columns in _columns_of(owner):
         if len(columns) > 1:
@@ -142,7 +142,8 @@ class Weights(NamedTuple):
 
     pairs: ObjectTrackPairs
     weight: Array
-    """``(T, E)`` 1 where a pair is assigned, else 0; may lie between where the linear program was not tight."""
+    """``(T, E)`` 1 where a pair is assigned, else 0; between 0 and 1 where the linear program has no integer
+    optimum."""
     exact: bool
 
     def saved(self) -> float:
@@ -155,7 +156,7 @@ class Weights(NamedTuple):
 
 
 def solve_one(pairs: ObjectTrackPairs, half: float) -> Weights:
-    """Return the optimum for the pairs of one object. Source: Viterbi (1967); a switch is two changes of equal cost.
+    """Return the optimal assignment for the pairs of one object. Source: Viterbi (1967); a switch is two changes.
 
     Args:
         pairs: pairs of one object.
@@ -172,7 +173,7 @@ def solve_one(pairs: ObjectTrackPairs, half: float) -> Weights:
 
 
 def solve_together(every: ObjectTrackPairs, half: float) -> Weights:
-    """Return the optimum for several objects that compete for tracks; ``half`` is the cost of a change."""
+    """Return the optimal assignments of several objects that compete for tracks; ``half``: cost of a change, m^2."""
     plain = presolve(every, half)
     useful = np.any(plain.assigned | (every.gain * plain.open > 0), axis=0)
     pairs = ObjectTrackPairs(every.object[useful], every.track[useful], every.gain[:, useful])
@@ -208,9 +209,9 @@ def _path_of_one(gain: Array, half: float) -> Array:
 
 
 def _joint_assignments(pairs: ObjectTrackPairs) -> Array | None:
-    """Return which of the E pairs each of S sets has, ``(S, E)``: all sets without an object or track twice.
+    """Return every set of pairs without an object or track twice, ``(S, E)``: 1 where set S has pair E, else 0.
 
-    None where there are too many.
+    The result is None where there are too many sets.
     """
     sets: list[tuple[int, ...]] = [()]
     for item in np.unique(pairs.object):
@@ -249,7 +250,7 @@ def _joint_path(gain: Array, members: Array, plain: Presolved, half: float) -> A
 
 
 def _path_step_by_step(pairs: ObjectTrackPairs, half: float) -> Array:
-    """Choose the pairs at each instant without looking ahead, ``(T, E)``: feasible, but not optimal."""
+    """Choose the pairs instant by instant without looking ahead, ``(T, E)``: a feasible assignment, but not optimal."""
     weight = np.zeros(pairs.gain.shape)
     worth = pairs.gain[0]
     for k in range(len(weight)):
@@ -269,13 +270,13 @@ class TgospaParts(NamedTuple):
     false: float
     switch: float
     exact: bool
-    """Whether the optimum was found. It is not if the linear program of a group has a cheaper optimum than any
+    """Whether the optimum was found. It was not found if the linear program of a group has a cheaper optimum than any
     assignment (which is a metric too), or if a group was too large and was assigned from instant to instant, which
     gives an upper bound."""
 
     @property
     def total(self) -> float:
-        """Sum of the four parts, m^2."""
+        """Squared T-GOSPA, m^2: the sum of localisation, missed, false and switches."""
         return self.localisation + self.missed + self.false + self.switch
 
 
@@ -316,16 +317,16 @@ class _Gains:
         self._pairs = ObjectTrackPairs(*np.divmod(couple, numbers), gain)
         bounds = np.searchsorted(self._pairs.object, np.arange(counted.due.shape[1] + 1))
         self.of_object = np.split(np.arange(len(couple)), bounds[1:-1])
-        """Indices of the pairs of each object."""
+        """Indices of the pairs of each object, one array for each object."""
 
     def of_group(self, objects: frozenset[int]) -> ObjectTrackPairs:
-        """Return the pairs of a group of objects with the tracks near them."""
+        """Return the pairs of each object of a group and each track that is within the cutoff at some instant."""
         at = np.concatenate([self.of_object[item] for item in sorted(objects)])
         return ObjectTrackPairs(self._pairs.object[at], self._pairs.track[at], self._pairs.gain.take(at, axis=1))
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:
-    """Return disjoint unions of the groups that together use a track more than once at an instant."""
+    """Return unions, without common objects, of groups of objects that use the same track at an instant."""
     users: dict[int, list[tuple[frozenset[int], Array]]] = defaultdict(list)
     for objects, item in solved.items():
         for column in np.flatnonzero(item.weight.any(axis=0)).tolist():

@@ -1,4 +1,4 @@
-"""Sums over the scores of many runs, with their events, of a size that does not grow with the number of runs."""
+"""GOSPA over time summed over many runs, with their costliest events; its size does not grow with the runs."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ class Timeline:
     events: list[Event] = field(default_factory=list)
     """Events with the number of their run: all events of the recorded run, and the costliest of the other runs."""
     recorded: int | None = None
-    """Number of the recorded run; None if it is not among these runs."""
+    """Number of the recorded run, whose tracks are kept and shown; None if that run is not among the summed runs."""
     strips: npt.NDArray[np.int8] | None = None
-    """``(T, N)`` states of the objects in the recorded run; None if it is not among these runs."""
+    """``(T, N)`` state of each object in the recorded run, such as waiting, tracked or lost; None without the recorded
+    run."""
     recorded_gospa: Array | None = None
-    """``(T,)`` squared GOSPA of the recorded run, m^2; None if it is not among these runs."""
+    """``(T,)`` squared GOSPA of the recorded run, m^2; None without the recorded run."""
     reused_ids: int = 0
-    """Number of ids that were used again after their track had ended."""
+    """Number of track ids that the tracker used again for another track."""
 
     def add(self, run: int, scores: RunScores, *, recorded: bool) -> None:
         """Add the scores and events of the run numbered ``run``; ``recorded``: whether it is the recorded run."""

@@ -23,23 +23,23 @@ RunSums = dict[str, tuple[float, float]]
 
 
 def durations(time: Array) -> Array:
-    """Return the time from each instant to the next, ``(T,)`` s; the last instant gets the mean of the others, or 0."""
+    """Return the time from each instant to the next, ``(T,)`` s; the last gets the mean of the others (0 if alone)."""
     steps = np.diff(time)
     return np.append(steps, steps.mean() if len(steps) else 0.0)
 
 
 def never_confirmed(track_of: Indices, due: Mask) -> tuple[float, float]:
-    """Return the number of objects that should be tracked and never are, and the number that should be tracked."""
+    """Return the number of due objects that never get a track, and the number of all due objects."""
     ever_due, ever_tracked = due.any(axis=0), (track_of != NO_TRACK).any(axis=0)
     return float((ever_due & ~ever_tracked).sum()), float(ever_due.sum())
 
 
 def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, float]:
-    """Return the total time that due objects have had no track yet, and the number of objects that get a track.
+    """Return the total time, s, that due objects wait for their first track, and the number of objects with a track.
 
-    The quotient is the mean time to an event that may not be waited for: the maximum-likelihood estimate for a constant
-    rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time on test
-    over number of failures).
+    The quotient is the mean time to an event that the run can end before: the maximum-likelihood estimate for a
+    constant rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time
+    on test over number of failures).
     """
     tracked = due.any(axis=0) & (track_of != NO_TRACK).any(axis=0)
     waiting = due & ~np.logical_or.accumulate(track_of != NO_TRACK, axis=0)
@@ -47,14 +47,14 @@ def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, 
 
 
 def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
-    """Return how many due instants after an object's first track are without a track, and how many there are."""
+    """Return two numbers of due instants from each object's first track on: instants without a track, and all."""
     tracked = track_of != NO_TRACK
     since = due & np.logical_or.accumulate(tracked, axis=0)
     return float((since & ~tracked).sum()), float(since.sum())
 
 
 def false_tracks(counted: Counted) -> Indices:
-    """Return the numbers of the tracks that count at some time and are never on any object, due or optional."""
+    """Return the numbers of the tracks that are scored at some time and never on an object, due or optional."""
     real = counted.track_counts == 0
     real[counted.matched.track] = True
     real[counted.excused.track] = True
@@ -62,7 +62,9 @@ def false_tracks(counted: Counted) -> Indices:
 
 
 def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> RunSums:
-    """Return sums over matched pairs: squared errors, m^2 and (m/s)^2, NEES, and number of NEES up to the 95 % point.
+    """Return sum and number of terms, over matched pairs, of squared errors, m^2 and (m/s)^2, and NEES, by metric path.
+
+    The share of NEES up to the 95 % point has its own path.
 
     Errors are estimate minus truth, in the fixed frame. Values that are not finite do not count, such as the velocity
     of tracks without one, nor do covariances that are not positive definite.
@@ -90,10 +92,12 @@ def _finite_sum(values: Array) -> tuple[float, float]:
 
 
 def association_counts(counted: Counted, taken: Associations) -> RunSums:
-    """Count the associations of tracks on due objects, by outcome; a scan counts with a detection taken or missed.
+    """Return count and total of the associations of tracks on due objects, by outcome: right, wrong, clutter, missed.
 
-    A track's own object is the one that it was last matched with at an earlier instant, else at the instant of the
-    scan. So the scan itself does not decide which object is the track's own.
+    A scan counts for a track that took a detection, or whose object was detected and missed.
+
+    A track's own object is the object that the track was last matched with at an earlier instant, else at the instant
+    of the scan. So the scan itself does not decide which object is the track's own.
     """
     number = np.minimum(np.searchsorted(counted.ids, taken.ids), max(len(counted.ids) - 1, 0))
     counts = counted.ids[number] == taken.ids if len(counted.ids) else np.zeros(taken.ids.shape, dtype=bool)

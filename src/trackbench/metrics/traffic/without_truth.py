@@ -39,9 +39,9 @@ class UnlabelledScan(NamedTuple):
 
 
 def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
-    """Return total and count of each metric of a recording without truth, by path; unknown metrics are left out.
+    """Return sum and number of terms of each metric of a recording without truth, by path; unknown ones are left out.
 
-    Tracks at the begin and the end of the log count as long as they are seen.
+    A track that is cut by the begin or end of the log counts with the part of it within the log.
     """
     minutes = (scans[-1].time - scans[0].time) / 60
     tracks = {track for scan in scans for track in scan.ids.tolist()}
@@ -67,7 +67,7 @@ def run_scores_of(values: RunSums) -> RunScores:
 
 
 def judged_scan(scan: Scan, config: Sensor, predicted: Tracks | None, tracks: Tracks) -> UnlabelledScan:
-    """Return a scan of one run with a score of the tracks that were predicted for it, and the tracks after it.
+    """Return the scores of the tracks predicted for a scan of one run, with the tracks after the scan.
 
     Args:
         scan: scan with a ``measurement`` ``(m, D)``.

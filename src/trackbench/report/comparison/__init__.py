@@ -1,1 +1,1 @@
-"""Report of a comparison, as a document."""
+"""Report of a comparison of results: ranking over scenarios, or differences by metric, as a document."""

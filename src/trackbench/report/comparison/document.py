@@ -55,7 +55,7 @@ from trackbench.results import json_text
 
 
 def comparison_document(comparison: Comparison, reports: Mapping[str, str] | None = None) -> Document:
-    """Return the document of a comparison.
+    """Return the report of a comparison: answer, ranking or differences by metric, notes and commands.
 
     Args:
         comparison: the comparison.
@@ -94,7 +94,7 @@ def _over(comparison: Comparison) -> str:
 
 
 def _section(comparison: Comparison, part: _GroupText) -> Section:
-    """Return the section of one ranking metric, whose tables and figures have the metric in their names."""
+    """Return the section on scenarios that one metric ranks, with the metric in the names of tables and figures."""
     title = f"By {NAMES[comparison.ranked_by]}{_over(comparison)}"
     return Section(title, with_name_prefix(part[1], comparison.ranked_by))
 
@@ -208,7 +208,8 @@ def _pairing(result: ComparedResult) -> str:
 def _tests(comparison: Comparison) -> int:
     """Return the number of differences that are tested together.
 
-    In a single set of results all count. Between sets, those with the same value in every run are not tested.
+    In a single set of results all differences are tested. Between sets, differences with the same value in every run
+    are not tested.
     """
     return sum(len(comparison.sets) == 1 or not item.identical for item in comparison.differences)
 
@@ -227,7 +228,7 @@ def _method(items: Sequence[PairDifference], tests: int) -> str:
 
 
 def _parts(item: PairDifference, runs: int) -> str:
-    """Return in words over which runs, scenes or stretches of time a difference is paired."""
+    """Return text on the runs, scenes or stretches of time in which two trackers are paired for a difference."""
     parts, stretches = parts_in_words(item.scenes_in_words, runs, item.scenes), item.stretches
     return f"{counted(stretches, 'stretch', 'stretches')} of time of {parts}" if stretches else parts
 

@@ -18,7 +18,7 @@ TONES: dict[str, Tone] = {"better": "good", "worse": "bad"}
 def scenario_table(comparison: Comparison, metric: str) -> Table:
     """Return the differences of a metric from the baseline, %, by scenario and pooled over all scenarios.
 
-    Rows are the scenarios, or the trackers if there are more of them.
+    Rows are the scenarios, or the trackers if there are more trackers than scenarios.
     """
     changes = [change for change in comparison.overall if change.metric == metric]
     of_metric = [item for item in comparison.differences if item.metric == metric]
@@ -52,7 +52,7 @@ def _label(comparison: Comparison, entrant: Entrant) -> str:
 
 
 def _difference_cell(item: PairDifference | None) -> Cell:
-    """Return a cell with difference, interval, verdict, and in how many scenes the tracker is better."""
+    """Return a cell with difference and interval, %, verdict, and in how many scenes the tracker is better."""
     if item is None:
         return Cell("")
     if item.identical:

@@ -29,9 +29,10 @@ def is_over_time(comparison: Comparison) -> bool:
 
 
 def first_shown(items: Sequence[PairDifference]) -> list[PairDifference]:
-    """Return the first difference of each change from the baseline that is shown, in the order of the results.
+    """Return the difference of the first result in which each significant change from the baseline appears.
 
-    A change lasts until the tracker is equivalent to the baseline again; an undecided result does not end it.
+    A change lasts until the tracker is equivalent to the baseline again; an undecided result does not end the change.
+    The order is that of the results.
     """
     marks, verdicts = [], dict[str, str]()
     for item in sorted(items, key=lambda item: item.entrant.set):
@@ -43,7 +44,7 @@ def first_shown(items: Sequence[PairDifference]) -> list[PairDifference]:
 
 
 def first_shown_in_words(comparison: Comparison, items: Sequence[PairDifference]) -> str:
-    """Return a sentence per change: the first result in which it is shown (at 5 %), and what else changed there."""
+    """Return a sentence per change: the first result that shows it (at the 5 % level), and what else changed then."""
     sentences = []
     for item in first_shown(items):
         changes = "; ".join(comparison.origins[item.entrant.set].changes)
@@ -53,7 +54,7 @@ def first_shown_in_words(comparison: Comparison, items: Sequence[PairDifference]
 
 
 def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDifference], styles: Styles) -> Figure:
-    """Return a figure of each tracker's values and intervals in the results; rings mark changes first shown."""
+    """Return a figure of each tracker's values and intervals in the results; rings mark significant changes."""
     names = [name for name in styles if name in {item.entrant.tracker for item in items}]
     path = metric.removesuffix(".mean")
     values = {(s.entrant.tracker, s.entrant.set): s.metrics[path] for s in comparison.scores if path in s.metrics}
@@ -96,7 +97,7 @@ def course_figure(comparison: Comparison, metric: str, items: Sequence[PairDiffe
 
 
 def origin_blocks(comparison: Comparison) -> Iterator[Block]:
-    """Yield a section with date and commit of each set of results, and what else changed since the previous one."""
+    """Yield a section with date and commit of each set of results, and other changes since the previous set."""
     if comparison.origins:
         items = [Item(_origin(origin), label=set_letter(origin.set)) for origin in comparison.origins]
         yield Section("When they were made, and what else changed", (Items(tuple(items)),))

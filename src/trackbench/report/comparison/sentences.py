@@ -1,4 +1,4 @@
-"""First sentences of a comparison: failed limits, the best tracker, and the worlds in which it leads."""
+"""First sentences of a comparison: failed limits, the best tracker, and its lead in each world (drivers, sensors)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LISTED = 3
 
 
 def gate_items(comparison: Comparison) -> tuple[Item, ...]:
-    """Return a list entry for each limit that is not shown to be kept, broken limits first."""
+    """Return a list entry for each limit on regressions that is broken or undecided, broken limits first."""
     place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
     return tuple(
         Item(
@@ -69,7 +69,7 @@ def _failures(comparison: Comparison) -> str:
 
 
 def shown_against(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
-    """Return the tracker of a single set against which the differences ``items`` are shown: the baseline or the best.
+    """Return the tracker, baseline or best, from which the report states the differences ``items`` of a single set.
 
     Return None for several sets, or if it is unknown whether smaller or larger values are better.
     """
@@ -140,7 +140,7 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
 
 
 def number_left_out(items: Sequence[object]) -> str:
-    """Return how many items a list in a sentence leaves out, as " and 2 more"; empty if it has all."""
+    """Return how many items a list in a sentence leaves out, as " and 2 more"; empty if it leaves out none."""
     return f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
 
 
@@ -159,7 +159,7 @@ def unit_after(unit: str) -> str:
 
 
 def difference_decimals(items: Sequence[PairDifference]) -> int:
-    """Return how many decimals show all values to three digits and the smallest uncertainty to one."""
+    """Return how many decimals show all values to three digits and the smallest interval's half width to one digit."""
     widths = [half for item in items if not item.identical and (half := half_width(item.ci95)) is not None]
     return max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
 
@@ -178,7 +178,7 @@ def difference_subject(comparison: Comparison, item: PairDifference) -> str:
 
 
 def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:
-    """Return the shortest name (tracker, letter of the result) that tells an entrant from all others or ``other``."""
+    """Return the shortest name (tracker, letter of its set) that tells a tracker from all others, or from ``other``."""
     if len(comparison.sets) == 1:
         return entrant.tracker
     if other is not None and entrant.tracker == other.tracker:
@@ -187,7 +187,7 @@ def entrant_name(comparison: Comparison, entrant: Entrant, other: Entrant | None
 
 
 def set_letter(number: int) -> str:
-    """Return the letter of the set of results with an index: 0 is A; from the 27th set on, its ordinal number."""
+    """Return the letter of the set of results with index ``number``: 0 is "A"; from index 26 on, "27" and so on."""
     return chr(ord("A") + number) if number < 26 else str(number + 1)
 
 
@@ -195,7 +195,7 @@ _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "war
 
 
 def world_tables(comparison: Comparison) -> Iterator[Table]:
-    """Yield a table for each scenario run in several worlds: for each pair of trackers, the better in each world."""
+    """Yield a table for each scenario in several worlds (drivers, sensors): each pair's better tracker in each."""
     meanings = {str(world): meaning for world, meaning in MEANING.items()}
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]

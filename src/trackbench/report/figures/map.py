@@ -90,7 +90,7 @@ def map_of_scene(scene: ReplayScene, caption: str, name: str = "map") -> Figure:
 
 
 def _draw_truth(axes: Axes, scene: ReplayScene, vehicles: Sequence[ReplayPath]) -> None:
-    """Draw the edges of lanes, the observer's path, and the objects' paths with their names."""
+    """Paint the edges of road lanes, the observer's path, and the objects' paths with their names, on ``axes``."""
     axes.grid(visible=False)
     for lane in scene.lanes:
         axes.plot(*lane, color=GRID, linewidth=1.5)

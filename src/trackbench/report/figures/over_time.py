@@ -40,7 +40,7 @@ def tracker_lines(steps: Steps, styles: Sequence[TrackerStyle], column: str) -> 
 
 
 def smoothed_lines(steps: Steps, styles: Sequence[TrackerStyle], column: str) -> list[Line]:
-    """Return a line for each tracker: RMS of ``column`` over equal stretches of time."""
+    """Return a line for each tracker: RMS of ``column`` of the table "steps" in each of equal stretches of time."""
     lines = tracker_lines(steps, styles, column)
     return [Line(line.style, *_rms_over_stretches(line.time, line.value)) for line in lines]
 
@@ -62,9 +62,10 @@ class Panel(NamedTuple):
     unit: str
     column: str
     reference: str = ""
-    """Column of the reference, which is drawn dashed; empty for no reference."""
+    """Column, in the table "steps", of the Cramér-Rao reference, which is drawn dashed; empty for no reference."""
     band: tuple[str, ...] = ()
-    """Columns of the bounds for a consistent tracker; a quantity with bounds is not averaged over time."""
+    """Columns, in the table "steps", of the lower and upper 95 % bounds for a consistent tracker; empty for none. A
+    quantity with bounds is not averaged over time."""
 
 
 OF_ESTIMATES = (
