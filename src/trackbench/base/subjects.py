@@ -76,7 +76,7 @@ class Subject:
     """Functions that return the metrics of a run, by the scenario's top-level key that they belong to. Arguments are
     the value of the key, and whether identities are hidden."""
     examples_of_metrics: Mapping[str, str] = field(default_factory=dict)
-    """Headings of lists of metrics, each with a function that returns one metric of each kind."""
+    """Functions that return an example of each kind of metric, by the heading under which they are listed."""
     checks: Mapping[str, str] = field(default_factory=dict)
     """Functions that take a scenario and yield the problems of the subject's top-level keys."""
     records: Mapping[str, str] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from traceback import FrameSummary
 
 
 def place_of(error: BaseException, *, installed: bool = True) -> str | None:
-    """Return the last line of the user's code in the traceback of an error or of its cause; None if there is none.
+    """Return the last place in the user's code, "file.py:12, in f", in an error's or its cause's traceback, or None.
 
     Args:
         error: raised error.

@@ -119,7 +119,7 @@ class StoredMetric(Metric):
 
 
 def compared_metrics(of_results: Sequence[MetricSummary], *, built_in: bool) -> dict[str, Metric]:
-    """Return the metrics with a value in each run, by path: those in ``of_results``, and if wanted built-in."""
+    """Return the metrics computed run by run, by path: those of results, and with ``built_in`` built-in ones."""
     metrics: list[Metric] = [metric for metric in BUILT_IN if metric.columns] if built_in else []
     for item in of_results:
         if not item.per_sensor:

@@ -28,7 +28,7 @@ class Stretch(NamedTuple):
     """Factors on the half widths of Student's 95 % interval, for few scenes or for runs with skewed values."""
 
     toward: float = 1.0
-    """Factor on the side of the value's limit: below an error, whose limit is 0."""
+    """Factor on the half width towards the value's limit: the lower half for an error, whose limit is 0."""
     away: float = 1.0
     """Factor on the side away from the value's limit: above an error."""
     difference: float = 1.0

@@ -45,7 +45,7 @@ class KnownIdentities:
         return len(self._scene.truth.ids) * len(self._piece.runs)
 
     def start(self, name: str) -> Any:
-        """Return a fresh tracker; one with a smoother gets all scans of the runs at once."""
+        """Return a fresh tracker; a smoother is given all scans of the runs here."""
         work, entry = self._work, self._work.driven(name)
         with_states = partial(_with_initial_states, work, self._piece)
         if isinstance(entry, FilterConfig) and entry.smoother is not None:

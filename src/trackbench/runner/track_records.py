@@ -140,7 +140,7 @@ def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Reco
 
 
 def _other_tracks(work: Work, blocks: Sequence[Block], names: Iterable[str]) -> list[Record]:
-    """Return the tracks of each scene but that of the recorded run (kept for plots), in the run of its number."""
+    """Return the tracks of every scene but the recorded one, each in the run with the recorded run's number."""
     records: list[Record] = []
     for block in (block for block in blocks if block.piece.scene != work.recorded_scene):
         scene = work.scenes[block.piece.scene]

@@ -174,7 +174,7 @@ class FallbackFilter:
     def smoothed(
         self, fallback: CartesianFallback, elapsed: float, later: Gaussian, belief: AnyBelief
     ) -> tuple[AnyBelief, CartesianFallback]:
-        """Return all beliefs in the tracker's state, and the fallback (tracks by position and velocity), both smoothed.
+        """Return the smoothed beliefs of all tracks, in the tracker's state, and the smoothed fallback.
 
         Args:
             fallback: fallback of the filter.

@@ -200,7 +200,7 @@ class Counted(NamedTuple):
     cutoff: float
     """Cutoff distance of GOSPA, m."""
     reach: float
-    """Largest distance of a matched pair, m."""
+    """Largest distance at which an object and a track may be matched, m."""
     due: Mask
     """``(T, N)`` where an object is due, that is, must be tracked."""
     present: Mask

@@ -79,7 +79,7 @@ def stopped_cholesky(matrix: Array) -> Array:
 
 
 def faulty_ukf(**options: Any) -> LateScans:
-    """Return the faulty tracker, with the options of a built-in UKF."""
+    """Return a tracker with the UKF of the published projects, faults included; options are those of a built-in UKF."""
     sound = build(FilterConfig.model_validate({"filter": "ukf", **options})).tracker
     faulty = FaultyUkf(sound.filter.motions[0], SymmetricSet(1.0, 0.0, None))
     return LateScans(FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at))

@@ -102,11 +102,11 @@ class TrackerSession:
 
     @property
     def scans(self) -> list[Scan]:
-        """Scans that the first column has been given."""
+        """Scans that the first member of the tracker's batch has been given."""
         return self.scans_of(0)
 
     def scans_of(self, column: int) -> list[Scan]:
-        """Return the scans that a column has been given."""
+        """Return the scans that the batch member with the index ``column`` has been given."""
         return [scan_of_member(scan, column) for scan in self._tracker.scans] if self._batched else self._tracker.scans
 
     @property

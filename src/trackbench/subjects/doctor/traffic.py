@@ -54,7 +54,7 @@ class Site:
     sensor: Sensor
 
     def detections(self, objects: Array, time: float = 0.0, random: np.random.Generator | None = None) -> Array:
-        """Return measurements ``(m, n)``, exact without ``random``, at a time in s of objects ``(4, n)`` at time 0."""
+        """Return measurements ``(m, n)`` at ``time`` s of objects ``(4, n)`` at 0 s; exact without ``random``."""
         ideal = self.sensor.measure(moved_objects(objects, time), np.zeros(3), np.zeros(2))
         if random is None:
             return ideal

@@ -124,7 +124,7 @@ def _is_share(interval: Interval) -> bool:
 
 
 def interval_difference(a: Interval, b: Interval, *, same_runs: bool) -> Interval:
-    """Return the difference ``a - b`` with the influence of each run or scene, from which its bounds follow.
+    """Return the difference ``a - b``; its bounds follow from how much each run or scene contributes to it.
 
     Args:
         a: first value.

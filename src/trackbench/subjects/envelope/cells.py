@@ -256,7 +256,7 @@ class Store:
         """Number of looks whose results were read from the folder so far."""
 
     def load(self, point: Point, look: int) -> Any:
-        """Return the stored result of a look at a cell; None where there is none, or its file is damaged."""
+        """Return the stored result of the interim look ``look`` at a cell; None without one, or if it is damaged."""
         if self._folder is None:
             return None
         try:

@@ -125,7 +125,7 @@ class MapCell:
 
     @property
     def undecided(self) -> list[str]:
-        """Names of the trackers whose state is undecided."""
+        """Names of the trackers of which it is not decided yet whether their requirement holds in the cell."""
         return [name for name, tracker in self.trackers.items() if tracker.state == "undecided"]
 
 

@@ -328,7 +328,7 @@ class WrongUnit:
     factor: float
     """Factor by which the measurement as read must be multiplied to fit the truth."""
     spread: tuple[float, float]
-    """Spread of the residuals in the stated and in the fitting unit, SI units and rad."""
+    """Median deviation of the residuals, SI units and rad, by the stated unit and by the fitting one."""
 
 
 def wrong_units(log: SensorLog) -> Iterator[WrongUnit]:

@@ -47,7 +47,7 @@ class Column(NamedTuple):
 
 
 def column_in(name: str, quantity: str | None, unit: str = "") -> Column:
-    """Return the column with this name and unit; its unit is SI or radians if ``unit`` is none of its quantity."""
+    """Return the column with this name and unit; SI or radians if ``unit`` is not a unit of ``quantity``."""
     units = UNITS.get(quantity or "", {})
     unit = unit if unit in units else next(iter(units), "")
     return Column(name, quantity, unit, units.get(unit, 1.0))

@@ -54,11 +54,11 @@ class UpdateAnswers(NamedTuple):
     covariance: Array
     """Predicted covariance P ``(n, n)``."""
     after: tuple[Array, Array]
-    """Updated covariance ``(n, n)``, twice: as held an instant later, and with that instant's growth removed."""
+    """Updated covariances ``(n, n)``: as held an instant after the update, and without that instant's growth."""
     gain: Array
     """Derivative ``(n, m)`` by the measurement of the mean that is held an instant later."""
     jacobian: Array
-    """Right Jacobian H ``(m, n)`` of the measurement by the state."""
+    """Correct Jacobian H ``(m, n)`` of the measurement with respect to the state."""
     noise: Array
     """Stated noise covariance R ``(m, m)``."""
     kept: dict[str, float]

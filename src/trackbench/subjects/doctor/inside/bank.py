@@ -55,7 +55,7 @@ class ModelPaths(NamedTuple):
     """Indices ``(4,)`` of px, py, vx, vy in a model's state."""
 
     def models(self, families: dict[str, Array]) -> Models | None:
-        """Read the models from ``families``, arrays by path at one instant; return None where a path is missing."""
+        """Return the models of the bank, from arrays by attribute path; None where one is missing."""
         probability_path = self.probability.removeprefix(LOGARITHM)
         if not {self.mean, self.covariance, probability_path} <= families.keys():
             return None

@@ -127,7 +127,10 @@ class BankStep:
         return np.stack([mean for mean, _ in mixtures]), np.stack([covariance for _, covariance in mixtures])
 
     def starts_from(self, mean: Array, covariance: Array | None = None) -> bool:
-        """Return whether models start from ``mean``, or ``covariance`` if given: the tracker holds or assigns it."""
+        """Return whether models start from this mean, or if a covariance is given, from that covariance.
+
+        They also do where the tracker holds or assigns the value.
+        """
         sigma = np.sqrt(np.einsum("jaa->ja", self.before.covariance))
         near = np.abs(self.started.mean - mean).max(where=sigma > 0.0, initial=0.0) < INSTANTLY * sigma.max()
         if covariance is None:
