@@ -12,7 +12,10 @@ from traceback import FrameSummary
 
 
 def place_of(error: BaseException, *, installed: bool = True) -> str | None:
-    """Return the last place in the user's code, "file.py:12, in f", in an error's or its cause's traceback, or None.
+    """Return file, line and function of the last frame in the user's code, as text; None without one.
+
+    The traceback is the error's, or its cause's if the error's has no such frame.
+
 
     Args:
         error: raised error.

@@ -200,7 +200,7 @@ class Counted(NamedTuple):
     cutoff: float
     """Cutoff distance of GOSPA, m."""
     reach: float
-    """Largest distance at which an object and a track may be matched, m."""
+    """Limit on the distance of a matched pair, m: the cutoff, or half of it where pairs are matched as in CLEAR."""
     due: Mask
     """``(T, N)`` where an object is due, that is, must be tracked."""
     present: Mask

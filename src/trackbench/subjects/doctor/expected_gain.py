@@ -68,7 +68,8 @@ class ImpliedModel(NamedTuple):
     trial: Trial
     used: Mask
     noise: Array
-    """Implied divided by stated noise variances ``(m,)``; NaN where an implied row points away from the right row."""
+    """Implied divided by stated noise variances ``(m,)``. NaN for an unused component, and where the implied row of the
+    Jacobian is at 90 degrees or more to the right row."""
     direction_difference: Array
     """Unit vector along each row of the implied Jacobian, minus the one along the right row ``(m, 4)``."""
     size: Array

@@ -116,7 +116,7 @@ def course(tracker: TrackerUnderTest) -> PartResult:
     },
 )
 def no_time(tracker: TrackerUnderTest) -> PartResult:
-    """Predict over no time after the first estimate and a missed scan, and compare the covariances before and after."""
+    """Compare the covariances before and after a prediction over no time, which follows a missed scan."""
     if tracker.random or tracker.repeats > 1:
         return PartResult().add("no_time", None, "it draws samples of its own")
     targets = [(probe, name) for probe in tracker.probes.general for name in tracker.sensors]
