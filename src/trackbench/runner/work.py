@@ -241,7 +241,10 @@ class Work:
         return tuple(sensor.time.tobytes() for sensor in scene.sensors)
 
     def number(self, scene: int, run: int) -> int:
-        """Return a run's number among the runs of all scenes; for a cut log, of the log's first stretch."""
+        """Return a run's number among the runs of all scenes.
+
+        A log that is cut into stretches has one run; its number is that of the log's first stretch.
+        """
         return scene * max(self.runs, self.stretches) + run
 
     def noise_of(self, scene: int) -> str:

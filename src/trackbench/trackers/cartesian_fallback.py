@@ -180,7 +180,8 @@ class FallbackFilter:
             fallback: fallback of the filter.
             elapsed: time to the later estimate, s, more than zero.
             later: ``(4, ...)`` smoothed belief of px, py, vx, vy at the later time.
-            belief: belief of all tracks, smoothed if their course is known.
+            belief: beliefs of all tracks; smoothed already for tracks outside the fallback.
+
         """
         after = choose(fallback.where, Belief(*later), fallback.belief)
         assert isinstance(after, Belief)

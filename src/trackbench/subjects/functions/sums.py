@@ -124,7 +124,7 @@ class Times(NamedTuple):
     """Start of each interval, s; ``stop`` is the end: the first inactive instant, or the last instant."""
     stop: Array
     object: Indices
-    """Index of the true object on which the function acts at the start of each interval; -1 where it acts on none."""
+    """Index of the true object on which the function acts at the start of each interval; -1 for a false track."""
 
     @classmethod
     def of(cls, spans: Spans, time: Array, object: Indices) -> Times:

@@ -127,9 +127,9 @@ class BankStep:
         return np.stack([mean for mean, _ in mixtures]), np.stack([covariance for _, covariance in mixtures])
 
     def starts_from(self, mean: Array, covariance: Array | None = None) -> bool:
-        """Return whether models start from this mean, or if a covariance is given, from that covariance.
+        """Return whether the models start from ``mean``, or from ``covariance`` alone if it is given.
 
-        They also do where the tracker holds or assigns the value.
+        They do if the models an instant after the last step have the value, or if the step assigns all its numbers.
         """
         sigma = np.sqrt(np.einsum("jaa->ja", self.before.covariance))
         near = np.abs(self.started.mean - mean).max(where=sigma > 0.0, initial=0.0) < INSTANTLY * sigma.max()
