@@ -281,6 +281,8 @@ def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
         (lambda r: tb.compare(None), "None cannot be compared; give a result, a list of results, or a folder"),
         (lambda r: tb.compare(r, r, "ekf_cv"), "choose trackers by compare(..., trackers=['ekf_cv'])"),
         (lambda r: tb.compare(["a", "b"]), "give each folder as an argument of its own: compare('a', 'b')"),
+        (lambda r: tb.load("highway", trackers={"mine": dict}), "load(..., {'trackers.mine': {'use': Mine}})"),
+        (lambda r: tb.compare(r, r, limits="position_rmse:5"), "limits are a mapping, such as {'position_rmse': 5}"),
         (lambda r: tb.load("highway", {"trackers.mine": dict}), "use: {'trackers.mine': {'use': dict}}"),
         (lambda r: tb.load("highway", {"truth": {"duration_s": 5}}), "one key of it write {'truth.duration_s': 5}"),
     ],

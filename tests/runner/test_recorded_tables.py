@@ -258,3 +258,20 @@ def test_irregular_rows_have_no_scans_between_them(tmp_path: Path) -> None:
     keep = [float(time) / 0.05 for time in times if time < 5]
     found = cars(tmp_path, 0.05, keep).measurements["front"]
     assert len(found.steps) == len(keep)
+
+
+@pytest.mark.parametrize(
+    ("columns", "head", "message"),
+    [
+        ({**COLUMNS, "speed": "v_kmph:km/h"}, HEAD, "'km/h' after column 'v_kmph' is no unit of what the column has: "),
+        ({**COLUMNS, "speed": "v_kmph:deg"}, HEAD, "'deg' after column 'v_kmph' is no unit"),
+        (COLUMNS, [";".join(HEAD)], "are separated by commas"),
+    ],
+)
+def test_a_unit_and_a_separator_that_are_none_are_said(
+    tmp_path: Path, columns: dict[str, str], head: list[str], message: str
+) -> None:
+    file = tmp_path / "log.csv"
+    write(file, ROWS if head is HEAD else [[";".join(map(str, row))] for row in ROWS], head)
+    with pytest.raises(InputError, match=message):
+        load(file, columns=columns)

@@ -84,6 +84,8 @@ def compare(
     Raises:
         InputError: there is no such result, or the results cannot be compared.
     """
+    if limits is not None and not isinstance(limits, Mapping):
+        raise InputError(f"limits are a mapping, such as {{'position_rmse': 5}}, not {limits!r}")
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
     arguments = (first, *others)
     names = {name for item in arguments if isinstance(item, results.Result) for name in item}

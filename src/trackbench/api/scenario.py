@@ -47,6 +47,9 @@ def load(
     """
     if not isinstance(scenario, Path | str | Mapping):
         raise InputError(f"{scenario!r} is no scenario; give a file, a name such as 'highway', a text or a mapping")
+    if isinstance(trackers, Mapping):
+        own = "a tracker of your own is a key of the scenario: load(..., {'trackers.mine': {'use': Mine}})"
+        raise InputError(f"trackers takes the names of the trackers to keep; {own}")
     settings = set if isinstance(set, Mapping) else {}
     for key, value in settings.items():
         if isinstance(value, type) and key.startswith("trackers.") and key.count(".") == 1:

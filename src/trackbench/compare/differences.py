@@ -15,6 +15,7 @@ from trackbench.compare.entries import Entry
 from trackbench.metrics import Metric
 from trackbench.metrics.contrasts import Contrast, log_ratio, paired, unpaired
 from trackbench.metrics.differences import (
+    EQUIVALENT,
     MOST_PAIRED,
     UNDECIDED,
     corrected_p_values,
@@ -132,6 +133,7 @@ class _Uncorrected(NamedTuple):
     def judged(self, p_value: float) -> PairDifference:
         """Return the difference with its corrected p-value, and the verdict that follows from this p-value."""
         verdict = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
+        verdict = EQUIVALENT if self.item.identical else verdict
         return self.item.model_copy(update={"p_value": p_value, "verdict": verdict})
 
 

@@ -111,7 +111,9 @@ def _argument_of_doctor(tracker: TrackerResult, summary: Summary, scenario: str)
     if not changes:
         return f"{scenario}#{tracker.name}"
     is_whole = changes[0].startswith(f"trackers.{tracker.name}=") and len(changes) == 1 and "options" not in changes[0]
-    return f"{tracker.use} --scenario {scenario}" if is_whole and isinstance(tracker.use, str) else ""
+    # The doctor gives a class the scans of all sensors.
+    is_alike = is_whole and tracker.sensors is None and isinstance(tracker.use, str)
+    return f"{tracker.use} --scenario {scenario}" if is_alike else ""
 
 
 def _worst(result: Result) -> TrackerResult | None:

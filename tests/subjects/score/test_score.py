@@ -117,7 +117,7 @@ def test_gates_stand_in_the_json(files: Path, cli: Callable[..., Any]) -> None:
         (["old.csv", "--map", "x"], "write KEY=COLUMN"),
         (["old.csv", "--map", "xx=pos_x"], "no column is called 'xx'; did you mean 'x'?"),
         (["old.csv", "--map", "x=posx"], "no file has a column 'posx'; did you mean 'pos_x'?"),
-        (["old.csv", "--map", "time=timestamp_ns:min"], "there is no column 'timestamp_ns:min'"),
+        (["old.csv", "--map", "time=timestamp_ns:min"], "'min' after column 'timestamp_ns' is no unit"),
         (["two.csv", "--map", "x=px", "--map", "x=pos_x"], "x is mapped to 'px' and 'pos_x', and this file has both"),
         (["two.csv"], "x may be 'pos_x' or 'px'; say which"),
         (["old.csv", "--gate", "gospa:2%"], "2 % of what?"),

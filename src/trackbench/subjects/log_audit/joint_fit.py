@@ -174,7 +174,7 @@ def explained_share(cosines: Array, error: int, others: list[int]) -> tuple[Arra
 def solve_errors(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
     """Return the least-squares values of the errors ``names``, by name, with all other errors zero."""
     errors = dict(start)
-    for _ in range(STEPS):
+    for _ in range(STEPS if names else 0):
         derivatives, residual, _, scale, inlier = _linearised(log, names, errors)
         columns = (derivatives / scale)[:, :, inlier].reshape(len(names), -1)
         step = np.linalg.lstsq(columns.T, (residual / scale)[:, inlier].reshape(-1), rcond=None)[0]

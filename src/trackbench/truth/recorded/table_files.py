@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 
 from trackbench.base.errors import InputError, nearest_choices, shortened_text
 from trackbench.base.files import read_text
+from trackbench.truth.config.columns import UNITS
 from trackbench.truth.recorded.rows import Rows, plain_column
 
 
@@ -116,6 +117,15 @@ def _parquet(file: Path, names: list[str]) -> Rows:
 def _require_columns(names: Sequence[str], header: Sequence[str], file: Path, line: int | None = None) -> None:
     for name in names:
         if name not in header:
+            if len(header) == 1 and {*";\t"} & {*header[0]}:
+                raise InputError(
+                    "columns are separated by commas here, and in the file they are not", file=file, line=line
+                )
+            column, _, unit = name.rpartition(":")
+            if column in header:
+                units = "; ".join(", ".join(UNITS[quantity]) for quantity in ("time", "length", "speed", "angle"))
+                problem = f"{unit!r} after column {column!r} is no unit of what the column has: use one of {units}"
+                raise InputError(problem, file=file, line=line)
             names_there = [shortened_text(column, 40) for column in header]
             raise InputError(f"there is no column {name!r}; {nearest_choices(name, names_there)}", file=file, line=line)
         if header.count(name) > 1:
