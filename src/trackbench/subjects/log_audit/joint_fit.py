@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Mask
 from trackbench.base.units import wrap_angle
 from trackbench.metrics.blocks import BlockInterval, Blocks, blocks_of
@@ -94,6 +95,9 @@ def joint_fit(log: SensorLog) -> JointFit:
 
 def _fit_from(log: SensorLog, start: Mapping[str, float], *, with_body_point: bool) -> JointFit:
     names, unidentified = _identifiable(log, start, with_body_point)
+    if not names:
+        problem = "its measurements show none of its errors: is their time, and that of the truth, in the stated unit?"
+        raise InputError(problem, key=f"sensors.{log.name}")
     errors = {name: start.get(name, 0.0) for name in names}
     for round_number in range(2):
         errors = solve_errors(log, names, errors)
@@ -174,7 +178,7 @@ def explained_share(cosines: Array, error: int, others: list[int]) -> tuple[Arra
 def solve_errors(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
     """Return the least-squares values of the errors ``names``, by name, with all other errors zero."""
     errors = dict(start)
-    for _ in range(STEPS if names else 0):
+    for _ in range(STEPS):
         derivatives, residual, _, scale, inlier = _linearised(log, names, errors)
         columns = (derivatives / scale)[:, :, inlier].reshape(len(names), -1)
         step = np.linalg.lstsq(columns.T, (residual / scale)[:, inlier].reshape(-1), rcond=None)[0]
