@@ -37,6 +37,10 @@ _LIMITS = {
 }
 
 
+#: Number of errors of one file that are explained; more are not printed.
+ADVISED = 100
+
+
 def keyed_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """Return the fields of a configuration class, by their keys in the file."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
@@ -51,14 +55,14 @@ def explain(invalid: ValidationError, fields: Fields) -> list[Problem]:
     """
     errors = invalid.errors(include_url=False)
     unknown = [error for error in errors if error["type"] == "extra_forbidden" and len(error["loc"]) == 1]
-    meant = {_nearest_key(str(error["loc"][0]), fields) for error in unknown}
+    meant = {_nearest_key(str(error["loc"][0]), fields) for error in unknown[:ADVISED]}
     problems = []
-    for error in errors:
+    for number, error in enumerate(errors):
         path = tuple(part for part in error["loc"] if not _TAG.fullmatch(str(part)) and part != _KEY)
         near = _fields_within(fields, path[:-1])
         # A misspelt key is one mistake: the right key is missing because of it.
         if error["type"] != "missing" or path not in {(key,) for key in meant}:
-            problems.append(Problem(path, _message(error, path, near)))
+            problems.append(Problem(path, _message(error, path, near) if number < ADVISED else error["msg"]))
     return problems
 
 
