@@ -132,8 +132,10 @@ class _Uncorrected(NamedTuple):
 
     def judged(self, p_value: float) -> PairDifference:
         """Return the difference with its corrected p-value, and the verdict that follows from this p-value."""
-        verdict = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
-        verdict = EQUIVALENT if self.item.identical else verdict
+        if self.item.identical:
+            verdict = EQUIVALENT
+        else:
+            verdict = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
         return self.item.model_copy(update={"p_value": p_value, "verdict": verdict})
 
 

@@ -46,9 +46,10 @@ def _held(
 ) -> Iterator[Array]:
     latest, taken = np.full((2, scans[0].valid.size), np.nan), np.full(scans[0].valid.size, -np.inf)
     for delivered in deliveries(scans, each_measurement=each_measurement):
-        for _, scan, number, *_ in delivered:
-            if number is not None and (sensors is None or scan.sensor in sensors):
-                measured = position(number)
+        for delivery in delivered:
+            scan = delivery.scan
+            if delivery.number is not None and (sensors is None or scan.sensor in sensors):
+                measured = position(delivery.number)
                 newer = scan.valid & (scan.time >= taken) & ~np.isnan(measured[0])
                 latest = np.where(newer, measured, latest)
                 taken = np.where(newer, scan.time, taken)
